@@ -22,7 +22,6 @@ from tdint.studies.store.schema import locked
 from tdint.system import processors
 from tdint_cli.drawing import emit_table
 from tdint_cli.studies.campaign_files import (
-    Profiles,
     apply_style,
     check_names,
     execute_campaign,
@@ -31,6 +30,7 @@ from tdint_cli.studies.campaign_files import (
     write_exports,
 )
 from tdint_cli.studies.campaign_request import CampaignRequest
+from tdint_cli.studies.suite_results import SuiteResults
 from tdint_cli.terminal import Failures, say, warn
 
 
@@ -116,11 +116,11 @@ def export(request: CampaignRequest) -> None:
         check_chunks(store)
         if request.pair_demand is not None:
             store.choose_pair_demand(request.pair_demand)
-        profiles = Profiles(store, request)
+        results = SuiteResults(store, request)
         if request.polygons is not None and request.by is None:
             raise UsageError("--polygons requires --by COLUMN, the column of the districts")
-        write_exports(profiles, folder, simcenter=request.simcenter)
-        if unmet_limits := profiles.report_results():
+        write_exports(results, folder, simcenter=request.simcenter)
+        if unmet_limits := results.report_results():
             raise Failures(unmet_limits)
 
 
@@ -145,13 +145,13 @@ def merge(request: CampaignRequest) -> None:
             apply_style(store.style(), str(target))
             if request.pair_demand is not None:
                 store.choose_pair_demand(request.pair_demand)
-            profiles = Profiles(store, request)
-            finish(profiles, target)
+            results = SuiteResults(store, request)
+            finish(results, target)
             run_count, done = int(store.meta("runs")), sum(store.statuses().values())
             if done < run_count:
                 missing = f"{run_count - done} of {run_count} runs are missing in the directories"
                 warn(f"{missing}; `tdint campaign FILE -o {target}` executes them")
-            failures = [*_unused_inputs(store), *profiles.report_results()]
+            failures = [*_unused_inputs(store), *results.report_results()]
             if failures:
                 raise Failures(failures)
 

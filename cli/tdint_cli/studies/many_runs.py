@@ -21,7 +21,7 @@ from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.system import processors
 from tdint_cli.commands.run_request import Request
 from tdint_cli.options.analysis import with_motion
-from tdint_cli.studies.campaign_files import check_names, execute_campaign, execute_in_memory
+from tdint_cli.studies.campaign_files import check_names, execute_campaign
 
 
 def run_many(request: Request, records: tuple[str, ...]) -> None:
@@ -52,10 +52,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     engine = threads(request.jobs or processors())
     # With a directory the runs are a campaign that can be resumed; otherwise the store is in
     # memory.
-    if request.output is None:
-        execute_in_memory(plan, engine, request)
-    else:
-        execute_campaign(plan, engine, request, show=True)
+    execute_campaign(plan, engine, request, show=True)
 
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:

@@ -7,12 +7,11 @@ import json
 import logging
 import sqlite3
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
 
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.files import is_there
@@ -420,13 +419,18 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
                 _check_same_campaign(parts_and_target[-1], parts[0])
             _copy_buildings(sources, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
-        if removed_count := store.remove_invalid_chunks():
-            _warn_of_corrupt_chunks(name, removed_count)
+        _warn_of_corrupt_chunks(name, store.remove_invalid_chunks())
         for part in sources:
             _warn_of_corrupt_chunks(part.name, part.corrupt_count)
             store.record_time_loops(part.time_loops)
-            with _open_part(part) as source, schema.sqlite_errors_reported(name):
-                _copy_chunks(source, store, set(part.chunks))
+            new_chunks = set(part.chunks) - store.completed_chunks()
+            with (
+                part.open() as source,
+                schema.sqlite_errors_reported(name),
+                schema.transaction(store.connection, name),
+            ):
+                for table, index in _CHUNK_COLUMNS.items():
+                    _copy(source, store, table, index, new_chunks)
     return store
 
 
@@ -437,8 +441,6 @@ class _Part:
 
     Attributes
     ----------
-    name : str
-        Path of the store, for messages.
     identity : dict of str to str
         Values that must be equal in all parts of a campaign, by name.
     runs : int
@@ -452,13 +454,21 @@ class _Part:
     """
 
     folder: Path
-    name: str
     identity: dict[str, str]
     runs: int
     shards: dict[str, int]
     chunks: dict[int, int]
     corrupt_count: int
     time_loops: str | None
+
+    @property
+    def name(self) -> str:
+        """Path of the store, for messages."""
+        return str(self.folder / FILE)
+
+    def open(self) -> Store:
+        """Open the store for reading."""
+        return Store(schema.connect_to_read(self.folder / FILE), self.name)
 
 
 def _read_part(folder: Path, store: Store) -> _Part:
@@ -473,21 +483,8 @@ def _read_part(folder: Path, store: Store) -> _Part:
         runs = int(store.meta("runs"))
     # Corrupt chunks count as missing, because they are not copied.
     intact = {number: count for number, count in chunks.items() if number not in corrupt}
-    return _Part(
-        folder,
-        store.name,
-        identity,
-        runs,
-        store.shards(),
-        intact,
-        len(corrupt),
-        store.time_loops(),
-    )
-
-
-def _open_part(part: _Part) -> Store:
-    """Open the store of a part of a campaign for reading."""
-    return Store(schema.connect_to_read(part.folder / FILE), part.name)
+    shards, time_loops = store.shards(), store.time_loops()
+    return _Part(folder, identity, runs, shards, intact, len(corrupt), time_loops)
 
 
 def _check_same_campaign(first: _Part, second: _Part) -> None:
@@ -510,7 +507,7 @@ def _check_same_campaign(first: _Part, second: _Part) -> None:
             reasons.append(INVENTORY_CHANGED)
         differences_text = "\n".join(reasons)
     else:
-        with _open_part(first) as first_store, _open_part(second) as second_store:
+        with first.open() as first_store, second.open() as second_store:
             differences_text = all_differences(
                 first_store.compared_values(),
                 second_store.compared_values(),
@@ -563,17 +560,19 @@ def _warn_of_corrupt_chunks(name: str, count: int) -> None:
 
 
 def _copy(
-    source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True
+    source: Store,
+    target: Store,
+    table: str,
+    index: int = 0,
+    accepted: Collection[int] | None = None,
 ) -> None:
-    """Copy rows of a table from a store to another store.
-
-    `accept` is the function that receives a row, a tuple of all columns, and returns True to copy
-    it.
-    """
+    """Copy rows of a table from a store to another store: all rows, or the rows with an `accepted`
+    number in the column `index`."""
     rows = source.connection.execute(f"SELECT * FROM {table}")
     placeholders = ", ".join("?" * len(rows.description))
     target.connection.executemany(
-        f"INSERT OR IGNORE INTO {table} VALUES({placeholders})", filter(accept, rows)
+        f"INSERT OR IGNORE INTO {table} VALUES({placeholders})",
+        (row for row in rows if accepted is None or row[index] in accepted),
     )
 
 
@@ -586,7 +585,7 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
         for statement in schema.TABLES if is_new else ():
             target.connection.execute(statement)
         for index, part in enumerate(parts):
-            with _open_part(part) as source:
+            with part.open() as source:
                 # Settings and records are the same in all parts: copy them from the first part.
                 if is_new and index == 0:
                     _copy(source, target, "meta")
@@ -598,14 +597,3 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
                     target.add_unused((category, reason) for reason in reasons)
         target.seal()
     target.add_shards({text: runs for part in parts for text, runs in part.shards.items()})
-
-
-def _copy_chunks(source: Store, target: Store, intact: set[int]) -> None:
-    """Copy chunks with all their rows. Chunks that the target already contains are not copied.
-
-    `intact` contains the numbers of the chunks of the source that are not corrupt.
-    """
-    new_chunks = intact - target.completed_chunks()
-    with schema.transaction(target.connection, target.name):
-        for table, index in _CHUNK_COLUMNS.items():
-            _copy(source, target, table, lambda row, index=index: row[index] in new_chunks)  # type: ignore[misc]
