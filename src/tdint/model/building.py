@@ -609,7 +609,8 @@ def assemble(model: Model) -> Building:
     stiffness = law_parameters[rows.STIFFNESS, :n]
     # Only the columns of the stories are changed in the view of the table.
     damping_rows = add_damping(linear_terms[:, : floors + 1], stiffness[:floors], model, vibration)
-    modal = np.pad(damping_rows, ((0, 0), (0, n - floors)))
+    modal = np.zeros((len(damping_rows), n + 1))
+    modal[:, : floors + 1] = damping_rows
     if n > floors:
         vibration = FreeVibration(
             linear_terms[rows.MASS, :masses],

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.model.parameters import changes_of, check_parameter, check_value
-from tdint.model.story import Story, spring_label, story_numbers, story_with_numbers
+from tdint.model.story import Path, Story, spring_label, story_with_numbers
 from tdint.model.story_laws import LAWS
 from tdint.number_parsing import parse_ratio, pluralize
 from tdint.units import SI, OutputUnits
@@ -557,11 +557,10 @@ class Model:
                 "stories; only damping can"
             )
         # Changes are applied in order; factors multiply values that were set before.
-        table = [list(story_numbers(story)) for story in self.stories]
         damping = self.damping
-        # Indices of the changed stories. The value is True if a parameter of the law is changed.
-        changed_stories: dict[int, bool] = {}
-        set_by_name: set[tuple[int, int]] = set()
+        changed: dict[int, dict[Path, float]] = {}  # numbers by the index of their story
+        has_changed_law: set[int] = set()  # indices of stories with a changed parameter of a law
+        set_by_name: set[tuple[int, Path]] = set()
         for name, value in numbers.items():
             check_value(name, value)
             if name == "damping":
@@ -570,17 +569,18 @@ class Model:
                 if change.is_superseded(set_by_name):
                     continue
                 change.check(name, value)
-                row = table[change.story]
-                row[change.column] = (
-                    row[change.column] * value if change.factor else value * change.scale
+                of_story = changed.setdefault(change.story, {})
+                of_story[change.path] = (
+                    of_story.get(change.path, change.number(self.stories)) * value
+                    if change.factor
+                    else value * change.scale
                 )
-                earlier_law_change = changed_stories.get(change.story, False)
-                sets_law = earlier_law_change or change.sets_law_parameter
-                changed_stories[change.story] = sets_law
+                if change.sets_law_parameter:
+                    has_changed_law.add(change.story)
         # Only changed stories are built again and checked by their laws, as in a file.
         stories = list(self.stories)
-        for i, is_law_changed in changed_stories.items():
-            stories[i] = story_with_numbers(stories[i], table[i], is_law_changed)
+        for i, of_story in changed.items():
+            stories[i] = story_with_numbers(stories[i], of_story, i in has_changed_law)
             for spring in stories[i].springs:
                 fault = LAWS[spring.law.name].fault(spring.stiffness, spring.law.parameters)
                 if fault:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
 from tdint.arrays import Array
@@ -22,8 +24,8 @@ def load_arrays(excitation: Excitation) -> tuple[Array, Array]:
     harmonic = force_table(excitation.forces)
     table_forces = sorted(excitation.tables, key=lambda force: force.floor)
     tables = list(dict.fromkeys(force.table for force in table_forces))
-    firsts = np.cumsum([0, *(table.data.size for table in tables)])
-    first_of = dict(zip(tables, firsts.tolist(), strict=False))
+    firsts = accumulate((table.data.size for table in tables), initial=0)
+    first_of = dict(zip(tables, firsts, strict=False))
     forces = np.zeros((len(table_forces), rows.FORCE_COLUMNS))
     for row, force in zip(forces, table_forces, strict=True):
         (count, stride), first = force.table.data.shape, first_of[force.table]

@@ -6,24 +6,24 @@ import math
 import re
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.kernels.laws.law import LawParameter
-from tdint.model.story import (
-    DASHPOT,
-    FIRST_LAW_PARAMETER,
-    HEIGHT,
-    MASS,
-    POWER,
-    STIFFNESS,
-    STORY_KEYS,
-    Story,
-    spring_columns,
-    story_numbers,
-)
+from tdint.model.story import Path, Story
 from tdint.model.story_laws import LAWS, Law, named_parameters
 from tdint.number_parsing import pluralize
+
+_POWER_DASHPOT: dict[str, Path] = {
+    f"dashpot.{key}": ("power_dashpot", *key.split("."))
+    for key in (
+        *("coefficient", "exponent", "linear_below", "brace"),
+        *("relief.force", "relief.ratio"),
+    )
+}
+"""Numbers of a power-law dashpot by their keys in a model file."""
+
+_STORY_KEYS = ("mass", "height", "stiffness", "dashpot", *_POWER_DASHPOT)
 
 _FACTOR_NAMES = ("mass_factor", "stiffness_factor", "strength_factor")
 
@@ -44,8 +44,10 @@ class Change(NamedTuple):
 
     Attributes
     ----------
-    story, column : int
-        Index of the story and of the number in `story_numbers`.
+    story : int
+        Index of the story.
+    path : tuple of str or int
+        Attributes and indices that lead from the story to the number.
     factor : bool
         The value is a factor on the number, otherwise its new value.
     bounds : LawParameter, optional
@@ -54,32 +56,42 @@ class Change(NamedTuple):
         The number is not named by the parameter, but follows it by default: the model does not
         state a separate value (for the negative side of a law).
     scale : float
-        Number in `story_numbers` divided by the value, which is a number along an inclined element.
+        Number of the story divided by the value, which is a number along an inclined element.
     """
 
     story: int
-    column: int
+    path: Path
     factor: bool = False
     bounds: LawParameter | None = None
     follows: bool = False
     scale: float = 1.0
 
-    def is_superseded(self, set_by_name: set[tuple[int, int]]) -> bool:
+    def number(self, stories: Sequence[Story]) -> float:
+        """Return the number in the stories of a building; nan for an attribute that is None."""
+        item: Any = stories[self.story]
+        for part in self.path:
+            if item is None:
+                return math.nan
+            item = item[part] if isinstance(part, int) else getattr(item, part)
+        return math.nan if item is None else float(item)
+
+    def is_superseded(self, set_by_name: set[tuple[int, Path]]) -> bool:
         """Return True if the number follows another one, but has been set by its own name before.
 
         A number that this change sets by its name is added to `set_by_name`: index of the story and
-        column of each number.
+        path of each number.
         """
         if self.follows:
-            return (self.story, self.column) in set_by_name
+            return (self.story, self.path) in set_by_name
         if not self.factor:
-            set_by_name.add((self.story, self.column))
+            set_by_name.add((self.story, self.path))
         return False
 
     @property
     def sets_law_parameter(self) -> bool:
-        """True if the change sets a parameter of the law, which may define the stiffness."""
-        return self.column >= FIRST_LAW_PARAMETER and not self.factor
+        """True if the change sets a number of an element or of the law, which may define the
+        stiffness."""
+        return self.path[0] in ("elements", "law") and not self.factor
 
     def check(self, name: str, value: float) -> None:
         """Raise UsageError if a value is outside the bounds that the law declares."""
@@ -112,41 +124,37 @@ def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
     If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
     """
     changes: dict[str, list[Change]] = {
-        "mass_factor": [Change(i, MASS, factor=True)],
+        "mass_factor": [Change(i, ("mass",), factor=True)],
         "stiffness_factor": [],
         "strength_factor": [],
-        "mass": [Change(i, MASS)],
-        "height": [] if story.height is None else [Change(i, HEIGHT)],
+        "mass": [Change(i, ("mass",))],
+        "height": [] if story.height is None else [Change(i, ("height",))],
         "stiffness": [],
-        "dashpot": [] if story.power_dashpot else [Change(i, DASHPOT)],
+        "dashpot": [] if story.power_dashpot else [Change(i, ("dashpot",))],
     }
-    if story.power_dashpot:
-        numbers = story_numbers(story)
-        for column in range(POWER.start, POWER.stop):
-            if not math.isnan(numbers[column]):
-                changes[STORY_KEYS[column]] = [Change(i, column)]
-    for number, (spring, columns) in enumerate(
-        zip(story.springs, spring_columns(story), strict=True), start=1
-    ):
+    for key, path in _POWER_DASHPOT.items():
+        if not math.isnan(Change(0, path).number([story])):
+            changes[key] = [Change(i, path)]
+    for number, spring in enumerate(story.springs, start=1):
+        to_spring: Path = ("elements", number - 1) if story.elements else ()
         has_stiffness = LAWS[spring.law.name].initial_stiffness is not None
-        changes["stiffness_factor"].append(Change(i, columns.stiffness, factor=True))
+        changes["stiffness_factor"].append(Change(i, (*to_spring, "stiffness"), factor=True))
         if not (has_stiffness or story.elements):
-            changes["stiffness"].append(Change(i, STIFFNESS))
+            changes["stiffness"].append(Change(i, ("stiffness",)))
         # An element has two prefixes: its number, counted from 1, and its name. The law of a story
         # is its first element.
         prefixes = f"elements[{number}]", f"elements[{spring.name}]" if story.elements else "law"
         for prefix in prefixes:
             if prefix != "law" and not has_stiffness:
                 bounds, scale = LawParameter("stiffness", low=0.0), spring.scale(1, -1)
-                change = Change(i, columns.stiffness, bounds=bounds, scale=scale)
+                change = Change(i, (*to_spring, "stiffness"), bounds=bounds, scale=scale)
                 changes[f"{prefix}.stiffness"] = [change]
         values = spring.law.values
-        for column, (name, force, length, declaration) in enumerate(
-            named_parameters(spring.law), start=columns.first
-        ):
+        for k, (name, force, length, declaration) in enumerate(named_parameters(spring.law)):
+            path = (*to_spring, "law", "parameters", k)
             if name not in values:
                 continue
-            change = Change(i, column, bounds=declaration, scale=spring.scale(force, length))
+            change = Change(i, path, bounds=declaration, scale=spring.scale(force, length))
             source = _followed_name(spring.law, name, declaration)
             for prefix in prefixes:
                 changes[f"{prefix}.{name}"] = [change]
@@ -157,9 +165,9 @@ def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
             # Factors apply to all numbers with the dimension of a stiffness or of a strength
             # (force). The points of a curve move along the line of the initial stiffness.
             if force == 1 and (has_stiffness or length == -1):
-                changes["stiffness_factor"].append(Change(i, column, factor=True))
+                changes["stiffness_factor"].append(Change(i, path, factor=True))
             if (force, length) == (1, 0) or declaration.open_ended:
-                changes["strength_factor"].append(Change(i, column, factor=True))
+                changes["strength_factor"].append(Change(i, path, factor=True))
     return changes
 
 
@@ -248,11 +256,11 @@ def check_parameter(name: str) -> None:
     """
     story_match = re.fullmatch(_STORY_PARAMETER, name)
     key = story_match[3] if story_match else ""
-    if name in PARAMETERS or key in STORY_KEYS or key in _FACTOR_NAMES:
+    if name in PARAMETERS or key in _STORY_KEYS or key in _FACTOR_NAMES:
         return
     if key.startswith("law.") or re.match(_ELEMENT_PARAMETER, key):
         return
-    similar_key = nearest(key, (*STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
+    similar_key = nearest(key, (*_STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
     # The hint is the name with its key, which is at the end of the name, replaced.
     hint = (
         f"; did you mean {name[: -len(key)] + similar_key!r}?"

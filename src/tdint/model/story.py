@@ -1,14 +1,14 @@
-"""Story of a building with its elements and dashpots, and its values as a row of numbers."""
+"""Story of a building with its elements and dashpots."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any
 
-from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law
+from tdint.model.story_laws import LAWS, LINEAR, Law
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,8 @@ MAX_STORIES = 100_000
 """Maximum number of stories. Without it, a typing error in `repeat` would fill the memory."""
 
 
-class Relief(NamedTuple):
+@dataclass(frozen=True)
+class Relief:
     """Relief valve of a damper: above the force `force` (N), the slope of its force over its rate
     is `ratio` times its coefficient."""
 
@@ -52,7 +53,8 @@ class Relief(NamedTuple):
     ratio: float
 
 
-class PowerDashpot(NamedTuple):
+@dataclass(frozen=True)
+class PowerDashpot:
     """Dashpot with the force c v (v^2 + v0^2)^((exponent - 1) / 2) at the drift rate v.
 
     The force approaches c |v|^exponent for |v| much larger than v0, and a linear dashpot for |v|
@@ -130,7 +132,7 @@ class Story:
     p_delta: bool | None = None
     flexural: tuple[float, float] | None = None
 
-    @property
+    @cached_property
     def springs(self) -> tuple[Element, ...]:
         """The elements, or the law of the story as its single element, without a name."""
         return self.elements or (Element("", self.stiffness, self.law),)
@@ -146,44 +148,47 @@ class Story:
         return None if self.isolator else self.height
 
 
-def story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: bool) -> Story:
+Path = tuple[str | int, ...]
+"""Attributes and indices that lead from a story to one of its numbers, such as `mass`, or
+`elements`, 2, `law`, `parameters`, 0."""
+
+
+def story_with_numbers(story: Story, numbers: Mapping[Path, float], is_law_changed: bool) -> Story:
     """Return a story with other numbers.
 
-    Keys that the story does not have remain absent. The stiffness of a story with elements is the
-    sum of their stiffnesses. If a parameter of the law has been changed and the law defines the
-    initial stiffness, the stiffness is computed from the parameters.
+    The stiffness of a story with elements is the sum of their stiffnesses. If a parameter of the
+    law has been changed and the law defines the initial stiffness, the stiffness is computed from
+    the parameters.
     """
-    springs = []
-    for spring, columns in zip(story.springs, spring_columns(story), strict=True):
-        law = replace(spring.law, parameters=tuple(numbers[columns.first : columns.end]))
-        compute_stiffness = LAWS[law.name].initial_stiffness
-        stiffness = numbers[columns.stiffness]
-        if is_law_changed and compute_stiffness:
-            stiffness = compute_stiffness(law.parameters)
-        springs.append(replace(spring, stiffness=stiffness, law=law))
+    changed: Story = _with_numbers(story, numbers)
+    if not (is_law_changed or story.elements):
+        return changed
+    springs = changed.springs
+    if is_law_changed:
+        springs = tuple(
+            replace(spring, stiffness=compute_stiffness(spring.law.parameters))
+            if (compute_stiffness := LAWS[spring.law.name].initial_stiffness)
+            else spring
+            for spring in springs
+        )
+    stiffness = sum(spring.stiffness for spring in springs)
+    return replace(changed, stiffness=stiffness, elements=springs if story.elements else ())
+
+
+def _with_numbers(item: Any, numbers: Mapping[Path, float]) -> Any:
+    """Return a copy of a story, or of a part of it, with other numbers."""
+    if () in numbers:
+        return numbers[()]
+    parts: dict[Any, dict[Path, float]] = {}
+    for (first, *rest), number in numbers.items():
+        parts.setdefault(first, {})[tuple(rest)] = number
+    if isinstance(item, tuple):
+        changed = list(item)
+        for index, part in parts.items():
+            changed[index] = _with_numbers(item[index], part)
+        return tuple(changed)
     return replace(
-        story,
-        mass=numbers[MASS],
-        height=None if story.height is None else numbers[HEIGHT],
-        stiffness=sum(spring.stiffness for spring in springs),
-        law=SUM_OF_ELEMENTS if story.elements else springs[0].law,
-        elements=tuple(springs) if story.elements else (),
-        dashpot=numbers[DASHPOT],
-        power_dashpot=_power_dashpot(*numbers[POWER]) if story.power_dashpot else None,
-    )
-
-
-def _power_dashpot(
-    coefficient: float, exponent: float, linear_below: float, brace: float, *relief: float
-) -> PowerDashpot:
-    """Return a power-law dashpot from its numbers in `story_numbers`; nan for no brace and for no
-    relief."""
-    return PowerDashpot(
-        coefficient,
-        exponent,
-        linear_below,
-        None if math.isnan(brace) else brace,
-        None if math.isnan(relief[0]) else Relief(*relief),
+        item, **{name: _with_numbers(getattr(item, name), part) for name, part in parts.items()}
     )
 
 
@@ -206,54 +211,6 @@ def simple_story(
     return Story(mass=mass, height=None, stiffness=stiffness, law=law, dashpot=dashpot)
 
 
-STORY_KEYS = (
-    "mass",
-    "height",
-    "stiffness",
-    "dashpot",
-    "dashpot.coefficient",
-    "dashpot.exponent",
-    "dashpot.linear_below",
-    "dashpot.brace",
-    "dashpot.relief.force",
-    "dashpot.relief.ratio",
-)
-"""Keys of the values of a story in the order of `story_numbers`. Parameters of the law follow."""
-
-MASS, HEIGHT, STIFFNESS, DASHPOT, POWER = 0, 1, 2, 3, slice(4, 10)
-"""Indices of the values in `story_numbers`. `POWER` selects the values of the power-law dashpot."""
-
-FIRST_LAW_PARAMETER = len(STORY_KEYS)
-"""Index of the first parameter of the law in `story_numbers`."""
-
-
-class SpringColumns(NamedTuple):
-    """Indices of the values of a spring in `story_numbers`.
-
-    Attributes
-    ----------
-    first, end : int
-        Index of the first parameter of its law, and index after the last parameter.
-    """
-
-    stiffness: int
-    first: int
-    end: int
-
-
-def spring_columns(story: Story) -> list[SpringColumns]:
-    """Return the indices of the values of the springs of a story in `story_numbers`."""
-    if not story.elements:
-        end = FIRST_LAW_PARAMETER + len(story.law.parameters)
-        return [SpringColumns(STIFFNESS, FIRST_LAW_PARAMETER, end)]
-    columns, first = [], FIRST_LAW_PARAMETER
-    for element in story.elements:
-        end = first + 1 + len(element.law.parameters)
-        columns.append(SpringColumns(first, first + 1, end))
-        first = end
-    return columns
-
-
 def column_name(name: str) -> str:
     """Return the name of an element as a part of the name of a column: `moat wall` is
     `moat_wall`."""
@@ -263,21 +220,3 @@ def column_name(name: str) -> str:
 def spring_label(i: int, spring: Element) -> str:
     """Return the name of a spring of the story with index `i` in messages."""
     return f"element {spring.name!r} of story {i + 1}" if spring.name else f"story {i + 1}"
-
-
-def story_numbers(story: Story) -> tuple[float, ...]:
-    """Return the values of a story, SI units: first `STORY_KEYS`, then the parameters of its law,
-    or the stiffness and the parameters of each element.
-
-    The values of a missing height, power-law dashpot, brace or relief are nan.
-    """
-    dashpot = (math.nan,) * (POWER.stop - POWER.start)
-    if power := story.power_dashpot:
-        brace = math.nan if power.brace is None else power.brace
-        relief = power.relief or Relief(math.nan, math.nan)
-        dashpot = (power.coefficient, power.exponent, power.linear_below, brace, *relief)
-    height = math.nan if story.height is None else story.height
-    parameters = list(story.law.parameters)
-    for element in story.elements:
-        parameters += [element.stiffness, *element.law.parameters]
-    return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *parameters)

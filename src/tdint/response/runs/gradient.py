@@ -23,7 +23,6 @@ from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.model.parameters import changes_of, check_parameter, check_value
-from tdint.model.story import DASHPOT, story_numbers
 from tdint.response.run_plan import RunsRequest
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import Case
@@ -115,9 +114,7 @@ def number_at(model: Model, name: str) -> float:
             )
     else:
         numbers = {
-            1.0
-            if change.factor
-            else story_numbers(model.stories[change.story])[change.column] / change.scale
+            1.0 if change.factor else change.number(model.stories) / change.scale
             for change in changes_of(model.name, model.stories, name)
         }
     if len(numbers) > 1:
@@ -152,7 +149,7 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
         # are 0 for a dimensionless parameter.
         bounds = changes[0].bounds if changes else None
         story = model.stories[changes[0].story if changes else 0]
-        if changes and changes[0].column == DASHPOT:
+        if changes and changes[0].path == ("dashpot",):
             size = SIZE * math.sqrt(story.stiffness * story.mass)
         elif name == "damping" or (bounds and not bounds.force and not bounds.length):
             size = SIZE
