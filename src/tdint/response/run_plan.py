@@ -15,7 +15,6 @@ import numpy as np
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import Record
-from tdint.kernels.building.sources import CODE
 from tdint.model.definition import damped_by
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.response.arguments import named_sample, numbers_of
@@ -69,22 +68,6 @@ class RunsRequest:
         except (UsageError, ModelError) as error:
             raise UsageError(f"{error} (sample {draw + 1})") from None
         return varied
-
-    def individual_sample(self, run: RunSpec, history: bool) -> int:
-        """Return the sample of a run if its building must be assembled individually, otherwise -1.
-
-        Buildings are assembled individually for error estimates, histories, methods of plug-ins,
-        and methods with coefficients or a stability limit that depend on the building. All other
-        runs share the arrays of one building, which are changed from run to run.
-        """
-        method = self.subjects[run.model].integrator
-        if not self.building_parameters:
-            return -1
-        depends_on_building = (
-            method.family.prepare is not None or method.stability_limit != math.inf
-        )
-        is_plugin = f"method {method.method.name}" in CODE
-        return run.draw if self.check or history or depends_on_building or is_plugin else -1
 
     def check_draws(self, but: Set[int]) -> None:
         """Raise UsageError if the name or a value of a varied parameter is invalid for a building.

@@ -145,7 +145,7 @@ class Outcomes:
 
     stories: StoryPeaks
     elements: Array
-    devices: StoryPeaks
+    devices: StoryPeaks | None
     device_energy: Array
     energy_error: Array
     steps: NDArray[np.int64]
@@ -173,7 +173,7 @@ class Outcomes:
         return cls(
             columns(peaks, slice(building.floors)),
             batch.elements,
-            device_columns(building, peaks),
+            device_columns(building, peaks) if building.branched else None,
             batch.device_energy,
             energy_errors(batch.totals),
             batch.ends[:, STEPS_COMPLETED].astype(int),
@@ -204,7 +204,7 @@ class Outcomes:
         """Return the peaks of attachments and links in run `i`; None without them."""
         if i in self.responses:
             return self.responses[i].devices
-        if not self.device_energy.shape[1]:
+        if self.devices is None:
             return None
         return DevicePeaks(_run_of(self.devices, i), self.device_energy[i])
 
@@ -262,7 +262,6 @@ def run_batch(
     to_rest: bool = False,
     histories: tuple[int, Callable[[int, Array], None]] | None = None,
     status_only: bool = False,
-    sampled: Sequence[Subject] = (),
 ) -> Outcomes:
     """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
     bit.
@@ -279,9 +278,6 @@ def run_batch(
     status_only : bool, default False
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
-    sampled : sequence of Subject, optional
-        Building of each run, which differs from `subject` in parameter values, for runs without
-        error estimates and histories.
 
     Raises
     ------
@@ -295,7 +291,7 @@ def run_batch(
     def case(i: int) -> Case:
         """Return the case of run `i`."""
         record, scale, _ = runs[i]
-        return (sampled[i] if sampled else subject).case(record, scale)
+        return subject.case(record, scale)
 
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
@@ -319,10 +315,6 @@ def run_batch(
             )
         return outcomes
     building = prepared.building
-    buildings = [item.prepared.building for item in sampled]
-    if sampled:
-        subject.model.require_springs("a varied parameter")
-        building = _of_runs(building, buildings)
     every, on_history = histories or (1, None)
     batch = prepared.integrate_batch(
         subject.integrator,
@@ -331,7 +323,6 @@ def run_batch(
         rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION,
         every=every,
         on_history=on_history,
-        sampled=buildings,
     )
     outcomes = Outcomes.of(building, batch, to_rest)
     # A failed run is integrated again only if more than its status is required.
@@ -343,21 +334,6 @@ def run_batch(
         else:
             outcomes.replace(i, partial(run_case.review_batch_run, steps, batch, i, has_history))
     return outcomes
-
-
-def _of_runs(base: Building, buildings: Sequence[Building]) -> Building:
-    """Return the tables of the buildings of many runs; the second axis of the tables of the
-    kernels, and the first axis of the other arrays, is the run."""
-    tables: dict[str, Any] = {
-        name: np.stack([getattr(building, name) for building in buildings], axis=axis)
-        for name, axis in (
-            ("linear_terms", 1),
-            ("law_parameters", 1),
-            ("heights", 0),
-            ("yield_drift", 0),
-        )
-    }
-    return replace(base, **tables)
 
 
 def _integrate_individually(

@@ -29,7 +29,6 @@ from tdint.methods.method import Integrator
 from tdint.methods.workspace import (
     HALVINGS,
     Workspace,
-    collapse_limits,
     history_width,
     state_jumps,
     workspace,
@@ -446,13 +445,12 @@ class PreparedBuilding:
         """
         space = self._loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
         space.steps_per_row = steps.count // history_rows if history_rows else 1
-        loop = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
+        ground = np.zeros(1) if ground is None else ground
+        loop = self.loop(integrator, steps.h, ground, space)
         began, wall = system.seconds(), time.perf_counter()
         code, completed = self._integrate_interruptibly(loop, steps), steps.count
         if code == 0 and steps.continues:
-            code, completed = self._continue_while_growing(
-                integrator, steps, np.zeros(1) if ground is None else ground, space
-            )
+            code, completed = self._continue_while_growing(loop, integrator, steps, ground, space)
         seconds, wall = system.seconds() - began, time.perf_counter() - wall
         return IntegrationResult(space, completed, code, seconds, wall)
 
@@ -527,12 +525,10 @@ class PreparedBuilding:
         *,
         every: int = 1,
         on_history: Callable[[int, Array], None] | None = None,
-        sampled: Sequence[Building] = (),
     ) -> BatchResult:
         """Integrate many runs with one time step. Each run equals that of `integrate`.
 
-        All runs share one set of arrays. Values of sampled buildings are changed in these arrays
-        from run to run.
+        All runs share one set of arrays and a single list of arguments of the compiled loop.
 
         Parameters
         ----------
@@ -542,72 +538,19 @@ class PreparedBuilding:
             Function that receives the index of a run and the completed rows of its history (view,
             shape (rows, width)). The next run overwrites these rows. By default, histories are not
             kept.
-        sampled : sequence of Building, optional
-            Building of each run, which differs from this building in parameter values. The
-            coefficients of the method must not depend on these values.
         """
         row_count = max(run.steps.count for run in runs) // every + 1 if on_history else 0
-        size = max(run.ground.size for run in runs)
-        result = BatchResult.empty(len(runs), self.building)
-        varied_arrays = ("linear_terms", "law_parameters", "modal")
-        shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, _Repeatable]] = {}
-        for i, run in enumerate(runs):
-            building = self.building
-            if sampled:
-                building = sampled[i]
-                _verify_laws(building.law_parameters)
-            # Buildings share arrays and a compiled function if both have dashpots or neither,
-            # because this determines the kernels, and if they have the same number of rows of modal
-            # damping, which determines the shapes of the arrays.
-            key = building.damped_by_devices, len(building.modal)
-            if key not in shared:
-                prepared = self
-                if sampled:
-                    copies = {name: getattr(building, name).copy() for name in varied_arrays}
-                    prepared = replace(self, building=replace(self.building, **copies))
-                space = prepared._loaded_arrays(integrator, h, row_count)
-                space.steps_per_row = every
-                function = prepared._repeatable(integrator, h, size, space)
-                shared[key] = prepared, space, function
-            prepared, space, integrate_run = shared[key]
-            if sampled:
-                # The compiled function reads these arrays, so that it integrates this building.
-                for name in varied_arrays:
-                    getattr(prepared.building, name)[...] = getattr(building, name)
-                space.flags[rows.UNRESOLVED_MODES] = building.fastest * h > MAX_RESOLVED_OMEGA_DT
-                space.limits[...] = collapse_limits(building, self.collapse_drift)
-            integrate_run(run, result, i, criterion)
-            if on_history:
-                reached = int(space.totals[rows.STEPS_REACHED])
-                result.ends[i, STEPS_COMPLETED] = reached
-                # The history ends with the record, also if the run has continued.
-                on_history(i, space.history[: min(reached, run.steps.count) // every + 1])
-        return result
-
-    def _repeatable(
-        self, integrator: Integrator, h: float, size: int, space: Workspace
-    ) -> _Repeatable:
-        """Return a function that integrates a run from the present state of `space`, any number of
-        times.
-
-        `size` is the maximum number of samples of a ground motion. All runs share the arrays of
-        `space` and a single list of arguments. The function (`RunSpec`, `BatchResult`,
-        index, `RestCriterion`) stores the results of the run in the row `index` of
-        the `BatchResult`.
-        """
+        space = self._loaded_arrays(integrator, h, row_count)
+        space.steps_per_row = every
         # Copies of all arrays that a run changes
         initial = [
             (array, array.copy())
             for array in (*space.memory, space.observer_state, space.peaks, space.totals)
         ]
-        ground = np.zeros(size)
+        ground = np.zeros(max(run.ground.size for run in runs))
         loop = self.loop(integrator, h, ground, space)
-        n = self.building.stories
-
-        def integrate_run(
-            run: RunSpec, result: BatchResult, i: int, criterion: RestCriterion
-        ) -> None:
-            """Integrate a run and store its results."""
+        result, n = BatchResult.empty(len(runs), self.building), self.building.stories
+        for i, run in enumerate(runs):
             for array, initial_values in initial:
                 array[...] = initial_values
             np.multiply(run.ground, run.scale, out=ground[: len(run.ground)])
@@ -620,7 +563,9 @@ class PreparedBuilding:
                     loop, run.steps, criterion, integrator, space
                 )
             elif code == 0 and run.steps.continues:
-                code, completed = self._continue_while_growing(integrator, run.steps, ground, space)
+                code, completed = self._continue_while_growing(
+                    loop, integrator, run.steps, ground, space
+                )
             result.peaks[i], result.totals[i] = space.peaks, space.totals
             result.drifts[i] = space.law_state[rows.DRIFT, :n]
             result.ends[i] = code, completed, at_rest
@@ -628,11 +573,15 @@ class PreparedBuilding:
                 result.elements[i] = element_results(space.law_state, n)
             if self.building.branched:
                 result.device_energy[i] = device_energy(self.building, space)
-
-        return integrate_run
+            if on_history:
+                reached = int(space.totals[rows.STEPS_REACHED])
+                result.ends[i, STEPS_COMPLETED] = reached
+                # The history ends with the record, also if the run has continued.
+                on_history(i, space.history[: min(reached, run.steps.count) // every + 1])
+        return result
 
     def _continue_while_growing(
-        self, integrator: Integrator, steps: Steps, ground: Array, space: Workspace
+        self, loop: Loop, integrator: Integrator, steps: Steps, ground: Array, space: Workspace
     ) -> tuple[int, int]:
         """Continue a completed run with the ground at rest as long as a peak could be exceeded, and
         return 0 or the code of the failed step, and the number of steps.
@@ -645,9 +594,10 @@ class PreparedBuilding:
             return 0, steps.count
         changed = (*space.memory, space.observer_state, space.peaks, space.totals)
         at_end = [array.copy() for array in changed]
-        history, space.history = space.history, space.history[:0]
-        loop = self.loop(integrator, steps.h, ground, space)
-        space.history = history
+        if space.history.size:  # a loop without the history
+            history, space.history = space.history, space.history[:0]
+            loop = self.loop(integrator, steps.h, ground, space)
+            space.history = history
         completed, quiet, has_grown = steps.count, 0, False
         for _ in range(_MOST_WINDOWS):
             before = space.peaks[: rows.PEAK_ROWS].copy()

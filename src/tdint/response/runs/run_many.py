@@ -453,26 +453,15 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
     """Integrate some runs in batches of one building and one time step, and write their results to
     their rows of `result`.
     """
-    # `individual` is the sample of a run that needs a separate assembled building, otherwise -1.
-    for (model, _, individual), group in groupby(
-        part,
-        key=lambda run: (
-            run.model,
-            run.steps.h,
-            request.individual_sample(run, bool(result.history)),
-        ),
+    # With varied parameters of the building, each sample is a separate building.
+    is_varied = bool(request.building_parameters)
+    for (model, _, draw), group in groupby(
+        part, key=lambda run: (run.model, run.steps.h, run.draw if is_varied else 0)
     ):
-        runs, subject = list(group), request.subjects[model]
+        runs = list(group)
+        subject = request.varied(model, draw) if is_varied else request.subjects[model]
         numbers = [run.number for run in runs]
         specs = [(request.records[run.record], run.scale, run.steps) for run in runs]
-        # If parameters vary, the arrays of one building are changed from run to run, except for
-        # runs that need an individual building (`individual_sample`).
-        sampled: list[Subject] = []
-        if request.building_parameters and individual < 0:
-            samples = {draw: request.varied(model, draw) for draw in {run.draw for run in runs}}
-            sampled = [samples[run.draw] for run in runs]
-        elif request.building_parameters:
-            subject = request.varied(model, individual)
         outcomes = run_batch(
             subject,
             specs,
@@ -480,7 +469,6 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             histories=(result.every, _history_writer(subject, result, runs))
             if result.history
             else None,
-            sampled=sampled,
         )
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
