@@ -26,7 +26,7 @@ from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
-from tdint.studies.fragility.fits import fit_at_threshold, fit_capacities, fit_cloud, fit_stripes
+from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_levels, fit_stripes
 from tdint.studies.fragility.fragility_function import (
     CLOUD,
     FITS,
@@ -440,9 +440,9 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         The table contains several buildings, or no run has a result.
     """
     runs = _Runs(table, request)
-    # Each stripe is a mask of the runs with a result at a level.
-    stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
-    has_stripes = all(np.sum(stripe) >= MIN_RUNS_PER_LEVEL for stripe in stripes)
+    # Numbers of runs with a result at the levels that have such runs
+    counts = np.unique(runs.level[runs.result], return_counts=True)[1]
+    has_stripes = int(counts.min()) >= MIN_RUNS_PER_LEVEL
     fit = request.fit or (STRIPES if has_stripes else CLOUD)
     # If the intensities of all runs differ, each run would be a separate stripe.
     if fit == STRIPES and not has_stripes:
@@ -463,7 +463,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         result = _cloud(table, request, im, drift, collapsed, runs.names, motion)
     else:
         result = FragilityResult.of(
-            fit_at_threshold(drift, runs.names, partial(_fit_with_bounds, runs, drift))
+            _fit_at_threshold(drift, runs.names, partial(_fit_with_bounds, runs, drift))
             for drift in request.thresholds
         )
         omission_text += (
@@ -579,41 +579,29 @@ def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
     add two fits as bounds: the first counts these runs as exceedances of the threshold; the second
     counts them as runs that do not exceed it.
     """
-    is_exceeding = runs.collapsed | (runs.drift > threshold)
+    exceeding = (runs.collapsed | (runs.drift > threshold)).astype(float)
     has_result = runs.result
 
     def fit(is_selected: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
         """Fit a function to the runs that a mask selects."""
-        return [_stripes(runs, is_exceeding, is_selected)]
+        return [fit_levels(runs.im, runs.level, exceeding, is_selected)]
 
     (function,) = over_motions(fit, has_result, runs.motion)
     assert isinstance(function, Fragility)
     function = function.beside_counts(
-        runs.im[has_result], is_exceeding[has_result].astype(float), motion=runs.motion[has_result]
+        runs.im[has_result], exceeding[has_result], motion=runs.motion[has_result]
     )
     if runs.result.all():
         return function
-    all_runs = np.ones_like(runs.result)
     # A fit can be impossible, for example if all runs exceed; then the bound is unknown.
     bounds: list[Fragility | None] = []
-    for counted_as_exceeding in (is_exceeding | ~runs.result, is_exceeding & runs.result):
+    for of_failed in (1.0, 0.0):
         try:
-            bounds.append(_stripes(runs, counted_as_exceeding, all_runs))
+            counted = np.where(has_result, exceeding, of_failed)
+            bounds.append(fit_levels(runs.im, runs.level, counted, np.ones_like(has_result)))
         except AnalysisError:
             bounds.append(None)
     return replace(function, bounds=(bounds[0], bounds[1]))
-
-
-def _stripes(runs: _Runs, is_exceeding: NDArray[np.bool_], is_used: NDArray[np.bool_]) -> Fragility:
-    """Fit a function to stripes, the runs at each intensity level."""
-    stripes = [is_used & (runs.level == level) for level in np.unique(runs.level[is_used])]
-    # Intensities within a level differ by rounding errors only. Their geometric mean is used.
-    intensities = [float(np.exp(np.mean(np.log(runs.im[stripe])))) for stripe in stripes]
-    return fit_stripes(
-        intensities,
-        [int(np.sum(is_exceeding[stripe])) for stripe in stripes],
-        [int(np.sum(stripe)) for stripe in stripes],
-    )
 
 
 def _cloud(
@@ -681,7 +669,7 @@ def _by_threshold(
             )
         all_rows = np.ones(len(table.rows), bool)
         threshold = next(iter(request.thresholds), math.nan)
-        return [fit_at_threshold(threshold, names, lambda: fit(all_rows))]
+        return [_fit_at_threshold(threshold, names, lambda: fit(all_rows))]
     # Compare thresholds with a tolerance, because numbers in a table are rounded.
     thresholds = np.array(table.numbers("threshold", empty=True))
     available = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
@@ -698,8 +686,27 @@ def _by_threshold(
                 f"{table.source}: threshold {threshold:g} not found; the thresholds of the table "
                 f"are {available_text}"
             )
-        functions.append(fit_at_threshold(threshold, names, partial(fit, rows)))
+        functions.append(_fit_at_threshold(threshold, names, partial(fit, rows)))
     return functions
+
+
+def _fit_at_threshold(
+    threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
+) -> Fragility | AnalysisError:
+    """Fit a function for a threshold. If it cannot be fitted, return the error instead of raising
+    it, so that the caller can report it with the other functions.
+
+    Parameters
+    ----------
+    threshold : float
+        Demand that is exceeded; NaN if unknown.
+    """
+    try:
+        return fit().named(threshold, *names)
+    except AnalysisError as error:
+        return AnalysisError(
+            f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error)
+        )
 
 
 def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:

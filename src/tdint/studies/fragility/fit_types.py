@@ -37,7 +37,7 @@ from tdint.studies.fragility.fit_table import (
     FragilityRequest,
     FragilityResult,
 )
-from tdint.studies.fragility.fits import fit_cloud, fit_stripes
+from tdint.studies.fragility.fits import fit_cloud, fit_levels
 from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility, levels_of
 from tdint.studies.fragility.measures import (
     RunIntensities,
@@ -318,16 +318,10 @@ def _type_stripes(
     impossible fit takes the place of the function. The number of exceedances at a level is the sum
     of the probabilities of its runs.
     """
-    # Number the levels of the selected runs without gaps, as `bincount` requires.
-    level_number = np.unique(level[is_used], return_inverse=True)[1]
-    total = np.bincount(level_number).astype(float)
-    im = np.exp(np.bincount(level_number, np.log(runs.im[is_used])) / total)
     fits: list[Fragility | AnalysisError] = []
-    for probabilities in _exceedance_probabilities(runs)[is_used].T:
-        # The sum of probabilities may exceed the number of runs by rounding errors.
-        expected_count = np.minimum(np.bincount(level_number, probabilities), total)
+    for probabilities in _exceedance_probabilities(runs).T:
         try:
-            fits.append(fit_stripes(im, expected_count, total))
+            fits.append(fit_levels(runs.im, level, probabilities, is_used))
         except AnalysisError as error:
             fits.append(error)
     return fits

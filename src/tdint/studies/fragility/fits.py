@@ -20,7 +20,7 @@ above a limit adds ln Phi(-z).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -227,6 +227,32 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
         motions=int(np.max(record_counts)),
         points=Points(im_levels, exceeding_counts / record_counts),
     )
+
+
+def fit_levels(
+    im: Array, level: NDArray[np.intp], exceeding: Array, is_used: NDArray[np.bool_]
+) -> Fragility:
+    """Fit a lognormal distribution to runs at intensity levels (`fit_stripes`).
+
+    Parameters
+    ----------
+    im : ndarray, shape (n,)
+        Intensities. Within a level, they differ by rounding errors only; their geometric mean is
+        used.
+    level : ndarray, shape (n,)
+        Number of the level of each run (`levels_of`).
+    exceeding : ndarray, shape (n,)
+        Probability that each run exceeds.
+    is_used : ndarray, shape (n,)
+        Mask of the runs of the fit.
+    """
+    # Number the levels without gaps, as `bincount` requires.
+    level_number = np.unique(level[is_used], return_inverse=True)[1]
+    records = np.bincount(level_number).astype(float)
+    im_levels = np.exp(np.bincount(level_number, np.log(im[is_used])) / records)
+    # The sum of probabilities may exceed the number of runs by rounding errors.
+    exceeding_counts = np.minimum(np.bincount(level_number, exceeding[is_used]), records)
+    return fit_stripes(im_levels, exceeding_counts, records)
 
 
 def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Array) -> None:
@@ -578,22 +604,3 @@ def _check_positive(values: Array, name: str) -> None:
     is_valid = np.isfinite(values) & (values > 0.0)
     if not np.all(is_valid):
         raise UsageError(f"{name} must be positive numbers, got {values[~is_valid][0]:g}")
-
-
-def fit_at_threshold(
-    threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
-) -> Fragility | AnalysisError:
-    """Fit a function for a threshold. If it cannot be fitted, return the error instead of raising
-    it, so that the caller can report it with the other functions.
-
-    Parameters
-    ----------
-    threshold : float
-        Demand that is exceeded; NaN if unknown.
-    """
-    try:
-        return fit().named(threshold, *names)
-    except AnalysisError as error:
-        return AnalysisError(
-            f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error)
-        )

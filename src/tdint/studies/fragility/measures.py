@@ -253,25 +253,19 @@ def measured(
     # First period of a building by its number, s
     period = cache(lambda building: plan.buildings[building].subject().period)
 
-    @cache
-    def unscaled(measure: int, motion: int, first_period: float) -> float:
-        """Return a measure of an unscaled record."""
-        return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
-
-    def value(measure: int, motion: int, factor: float, first_period: float) -> float:
-        """Return a measure of a scaled record. `measure` and `motion` are numbers."""
-        power = measures[measure].power
-        if power is None:
-            return measures[measure].of(plan.motions[motion].record, factor, first_period)
-        return unscaled(measure, motion, first_period) * float(abs(factor) ** power)
-
+    # Values of unscaled records are computed one time.
+    measures = [
+        measure if measure.power is None else replace(measure, value=cache(measure.value))
+        for measure in measures
+    ]
     # The order keeps the runs of a building together, so that its period is computed one time.
     query = (
         "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, "
         "sample"
     )
     for building, motion, scale, sample in store.connection.execute(query):
-        values = (value(i, motion, scale, period(building)) for i in range(len(measures)))
+        record, first_period = plan.motions[motion].record, period(building)
+        values = (measure.of(record, scale, first_period) for measure in measures)
         yield (names[building][0], *records[motion][:2], scale, sample, *values)
 
 
