@@ -177,31 +177,23 @@ def outcomes(
         True if the data are written to standard output. If standard output is also a terminal, no
         progress bar is shown.
     """
+    attempt = partial(_attempt, work)
     with ExitStack() as stack:
-        results = _outcomes(partial(_attempt, work), tasks, jobs, stack)
-        yield stack.enter_context(counted(results, len(tasks), label, to_terminal=to_terminal))
 
+        def results() -> Iterator[Result | TdintError]:
+            """Yield the outcomes; start worker processes after the first successful record. The
+            workers can then use the modules and compiled loops that the first record has loaded.
+            """
+            for done, task in enumerate(tasks, start=1):
+                outcome = attempt(task)
+                yield outcome
+                remaining = tasks[done:]
+                if jobs > 1 and not isinstance(outcome, TdintError) and len(remaining) > 1:
+                    pool = stack.enter_context(_workers(min(jobs, len(remaining))))
+                    yield from _shared(attempt, remaining, pool)
+                    return
 
-def _outcomes(
-    attempt: Callable[[Task], Result | TdintError],
-    tasks: Sequence[Task],
-    jobs: int,
-    stack: ExitStack,
-) -> Iterator[Result | TdintError]:
-    """Yield the outcomes; start worker processes after the first successful record.
-
-    The workers can then use the modules and compiled loops that the first record has loaded.
-
-    `attempt` is the function of a task that returns its result, or the error of its record.
-    """
-    for done, task in enumerate(tasks, start=1):
-        outcome = attempt(task)
-        yield outcome
-        remaining_tasks = tasks[done:]
-        if jobs > 1 and not isinstance(outcome, TdintError) and len(remaining_tasks) > 1:
-            pool = stack.enter_context(_workers(min(jobs, len(remaining_tasks))))
-            yield from _shared(attempt, remaining_tasks, pool)
-            return
+        yield stack.enter_context(counted(results(), len(tasks), label, to_terminal=to_terminal))
 
 
 def _shared(

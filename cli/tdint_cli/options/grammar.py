@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, TypeVar, cast, dataclass_transform
 
 import click
 from click.core import ParameterSource
@@ -196,8 +196,31 @@ def request(request_class: type[RequestT]) -> type[RequestT]:
     return frozen_class
 
 
+def adapted(
+    adapt: Callable[[dict[str, Any]], dict[str, Any]],
+) -> Callable[[Function], Function]:
+    """Return a decorator that adapts the values of the options before the command receives them.
+
+    Parameters
+    ----------
+    adapt : callable
+        Returns the arguments of the command for the values of its options, both by name.
+    """
+
+    def decorate(command: Function) -> Function:
+        """Return the command that receives the adapted values."""
+
+        @functools.wraps(command)
+        def call_with_adapted_values(**values: Any) -> Any:
+            return command(**adapt(values))
+
+        return cast("Function", call_with_adapted_values)
+
+    return decorate
+
+
 def of(
-    request_class: type[Any], argument_name: str = ""
+    request_class: type[Any], argument: str = "request"
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return a decorator that adds the options of a request class to a command.
 
@@ -208,25 +231,17 @@ def of(
     ----------
     request_class : type
         Class that was decorated with `request`.
-    argument_name : str
-        Argument of the command for the request in addition to other arguments. By default (empty),
-        the request is its only argument.
+    argument : str
+        Argument of the command for the request; other arguments are unchanged.
     """
 
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the command with the options of the request class."""
+    def gather(values: dict[str, Any]) -> dict[str, Any]:
+        """Replace the values of the fields of the request by the request."""
+        names = [item.name for item in fields(request_class) if item.name in values]
+        request = request_class(**{name: values.pop(name) for name in names})
+        return {**values, argument: request}
 
-        @functools.wraps(command)
-        def call_with_request(**values: Any) -> Any:
-            """Call the command with a request that contains the values of the options."""
-            if not argument_name:
-                return command(request_class(**values))
-            fields_of_request = {item.name: values.pop(item.name) for item in fields(request_class)}
-            return command(**values, **{argument_name: request_class(**fields_of_request)})
-
-        return together(*_OPTIONS[request_class])(call_with_request)
-
-    return decorate
+    return together(*_OPTIONS[request_class], adapted(gather))
 
 
 def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Function]:
@@ -533,6 +548,7 @@ def _is_met(ctx: click.Context, parameters: Mapping[str, click.Parameter], needs
 
 DESCRIPTION = "records.yaml"
 """Name of a description of records in messages."""
+
 
 DESCRIBED_OPTIONS = {
     "--step": True,

@@ -3,7 +3,6 @@ them."""
 
 from __future__ import annotations
 
-import functools
 import os
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -356,34 +355,28 @@ def to_files(
         Declarations of further options under the heading Output.
     """
 
-    def decorate(command: Function) -> Function:
-        """Return the command with the output options."""
+    declarations: list[Callable[[Any], Any]] = [output(text=text)]
+    if picture is not None:
+        declarations.append(plot(picture))
+    if page:
+        declarations.append(report)
+    declarations += more
+    if in_units:
+        declarations.append(units)
+    return grammar.together(*declarations, overwrite, grammar.adapted(_with_outputs))
 
-        @functools.wraps(command)
-        def call_with_outputs(**values: Any) -> Any:
-            """Check the values of the output options, and call the command."""
-            units, report = values.pop("output_units", None), values.pop("report", None)
-            outputs = Outputs.checked(
-                values.pop("output"),
-                values.pop("plot", None),
-                values.pop("overwrite"),
-                units=units,
-                report=report,
-            )
-            return command(**values, outputs=outputs)
 
-        declarations: list[Callable[[Any], Any]] = [output(text=text)]
-        if picture is not None:
-            declarations.append(plot(picture))
-        if page:
-            declarations.append(report)
-        declarations += more
-        if in_units:
-            declarations.append(units)
-        declarations.append(overwrite)
-        return grammar.together(*declarations)(cast("Function", call_with_outputs))
-
-    return decorate
+def _with_outputs(values: dict[str, Any]) -> dict[str, Any]:
+    """Replace the values of the output options by the checked outputs."""
+    units, report = values.pop("output_units", None), values.pop("report", None)
+    outputs = Outputs.checked(
+        values.pop("output"),
+        values.pop("plot", None),
+        values.pop("overwrite"),
+        units=units,
+        report=report,
+    )
+    return {**values, "outputs": outputs}
 
 
 def provenance(

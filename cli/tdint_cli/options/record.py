@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tdint.errors import UsageError
 from tdint.number_parsing import abbreviate
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import Function
 from tdint_cli.options.option_types import (
     PAIRS,
     FileName,
@@ -228,47 +226,41 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 _DESCRIPTION_SUFFIXES = (".yaml", ".yml")
 
 
-def _with_choice(command: Function) -> Function:
-    """Return a command that receives the options of its records as the argument `choice`, and the
-    files of descriptions of records (YAML) in place of the descriptions.
+def _with_choice(values: dict[str, Any]) -> dict[str, Any]:
+    """Replace the options of the records by the argument `choice`, and the descriptions of records
+    (YAML) by their files.
 
     The processing steps follow the order of the options in the help, regardless of their order on
     the command line.
     """
+    from tdint.ground_motion.choice import (
+        Processing,
+        RecordChoice,
+        TextLayout,
+        parse_pad,
+        parse_trim,
+    )
 
-    @functools.wraps(command)
-    def call_with_choice(**values: Any) -> Any:
-        """Replace the separate values by a `RecordChoice`, and call the command."""
-        from tdint.ground_motion.choice import (
-            Processing,
-            RecordChoice,
-            TextLayout,
-            parse_pad,
-            parse_trim,
-        )
-
-        # Some commands have no options of the layout and of the processing.
-        layout, steps = (
-            {field.name: values.pop(field.name, field.default) for field in fields(part)}
-            for part in (TextLayout, Processing)
-        )
-        for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
-            if steps[name] is not None:
-                steps[name] = parse(steps[name])
-        layout["column"] = layout["column"] or ()
-        choice = RecordChoice(
-            values.pop("units"),
-            values.pop("component"),
-            values.pop("inventory"),
-            Processing(**steps),
-            TextLayout(**layout),
-        )
-        records = values.get("records") or filter(None, [values.get("record")])
-        if any(name.lower().endswith(_DESCRIPTION_SUFFIXES) for name in records):
-            values, choice = _with_described_files(values, choice)
-        return command(**values, choice=choice)
-
-    return cast("Function", call_with_choice)
+    # Some commands have no options of the layout and of the processing.
+    layout, steps = (
+        {field.name: values.pop(field.name, field.default) for field in fields(part)}
+        for part in (TextLayout, Processing)
+    )
+    for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
+        if steps[name] is not None:
+            steps[name] = parse(steps[name])
+    layout["column"] = layout["column"] or ()
+    choice = RecordChoice(
+        values.pop("units"),
+        values.pop("component"),
+        values.pop("inventory"),
+        Processing(**steps),
+        TextLayout(**layout),
+    )
+    records = values.get("records") or filter(None, [values.get("record")])
+    if any(name.lower().endswith(_DESCRIPTION_SUFFIXES) for name in records):
+        values, choice = _with_described_files(values, choice)
+    return {**values, "choice": choice}
 
 
 def _with_described_files(
@@ -338,12 +330,13 @@ def _combined(of_command: RecordChoice, choice: RecordChoice, source: str) -> Re
 
 
 _READING = (units, component, *_LAYOUT, inventory)
-_PROCESSED = (*_PROCESSING, _with_choice)
+_CHOICE = grammar.adapted(_with_choice)
+_PROCESSED = (*_PROCESSING, _CHOICE)
 
 record_options = grammar.together(records, *_READING, *_PROCESSED)
 """Common options of commands with records as arguments, for a RecordsRequest."""
 
-_PLAIN = (units, component, inventory, _with_choice)
+_PLAIN = (units, component, inventory, _CHOICE)
 
 plain_record_options = grammar.together(records, *_PLAIN)
 """The same options without layout and processing, which a description of records specifies."""
