@@ -8,9 +8,11 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from tdint.arrays import cached_property
 from tdint.errors import write_out_controls
 from tdint.number_parsing import table_number
 from tdint.output import figures
@@ -85,6 +87,23 @@ class Picture:
 
     draw: Callable[[], Figure]
     caption: str
+
+    @cached_property
+    def image(self) -> tuple[str, float]:
+        """Attributes of the HTML image, and height divided by width. The figure is drawn once for
+        all layouts. The format is PNG if lines with thousands of points make the SVG file large.
+        """
+        for image_format in ("svg+xml", "png"):
+            # The first three characters are the file extension of the format.
+            drawing, stream = figures.style.picture(f".{image_format[:3]}", self.draw), io.BytesIO()
+            figure = drawing.figure()
+            drawing.save(figure, stream)
+            if len(stream.getvalue()) <= _MAX_SVG:
+                break
+        data = base64.b64encode(stream.getvalue()).decode("ascii")
+        width, height = figure.get_size_inches()
+        source = f"data:image/{image_format};base64,{data}"
+        return f'alt="{escape(self.caption)}" src="{source}"', height / width
 
 
 Part = str | Table | Picture | Sequence[str]
@@ -168,8 +187,6 @@ class _Flow:
     ----------
     scale : float
         Factor of the heights of figures, at most 1.
-    last_chapters : int
-        Number of chapters at the end that start on a new page; 0 for no such page break.
 
     Attributes
     ----------
@@ -183,24 +200,19 @@ class _Flow:
         Height of the largest blank area at the end of a page, mm.
     separated_rows : int
         Number of tables that have only the last one or two rows on a new page.
-    postponed : list of (str, str, float)
-        Figures that did not fit: attributes of the image, caption, height divided by width.
+    postponed : list of Picture
+        Figures that did not fit.
     """
 
-    def __init__(self, scale: float = 1.0, last_chapters: int = 0) -> None:
-        """Start an empty flow at the top of the first page.
-
-        `scale` is the factor of the heights of figures, at most 1. `last_chapters` is the number of
-        chapters at the end that start on a new page; 0 for no such page break.
-        """
+    def __init__(self, scale: float) -> None:
+        """Start an empty flow at the top of the first page."""
         self.scale = scale
-        self.last_chapters = last_chapters
         self.blank = 0.0
         self.separated_rows = 0
         self.body: list[str] = []
         self.position = 0.0
         self.distance = 0.0
-        self.postponed: list[tuple[str, str, float]] = []
+        self.postponed: list[Picture] = []
 
     @property
     def cost(self) -> float:
@@ -268,12 +280,13 @@ class _Flow:
         self.body.append(f"<h2{self.break_class(needed)}>{escape(title)}</h2>")
         self.advance(_HEADING)
 
-    def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
+    def picture(self, picture: Picture, *, last: bool = False) -> None:
         """Add a figure as large as the space allows, or postpone a figure that would be small.
 
         `last` is True if no content follows, so that the figure cannot be postponed; false by
         default.
         """
+        image, ratio = picture.image
         # `_FIGURE` (mm) is the space of the caption and the margins, in addition to the image.
         is_first = not any(text.startswith("<figure") for text in self.body)
         max_height = _MAX_FIRST_FIGURE if is_first else _MAX_FIGURE
@@ -291,7 +304,7 @@ class _Flow:
         # 3. Otherwise the figure is reduced to the space on this page.
         would_be_too_small = _MAX_BLANK - _FIGURE <= space < _MIN_SCALE * full_height
         if would_be_too_small and not fits and not last:
-            self.postponed.append((image, caption, ratio))
+            self.postponed.append(picture)
             return
         # `break_class` sets the position to 0 if the figure moves to a new page.
         page_class = "" if fits else self.break_class(_MAX_BLANK)
@@ -302,7 +315,8 @@ class _Flow:
             height = min(height, _MAX_BLANK)
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
         self.body.append(
-            f"<figure{page_class}><img {size} {image}><figcaption>{caption}</figcaption></figure>"
+            f"<figure{page_class}><img {size} {image}>"
+            f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
         )
         self.advance(height + _FIGURE)
 
@@ -312,8 +326,8 @@ class _Flow:
         `last` is True at the end of the report, where all postponed figures are added.
         """
         postponed, self.postponed = self.postponed, []
-        for image, caption, ratio in postponed:
-            self.picture(image, caption, ratio, last=last)
+        for picture in postponed:
+            self.picture(picture, last=last)
 
 
 def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageText) -> bytes:
@@ -336,15 +350,16 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     software = ", ".join(
         f"{name} {number}" for name, number in (packages | plugins).items() if number
     )
-    title_text, chapter_list = title, list(chapters)
-    images: dict[int, tuple[str, float]] = {}
-
-    def lay_out(scale: float, last_chapters: int = 0) -> _Flow:
-        """Return the layout with the relative height `scale` of the figures and with a page break
-        before the last `last_chapters` chapters (0: no page break)."""
-        flow = _Flow(scale, last_chapters)
-        return _lay_out(title_text, about, chapter_list, page_text, software, flow, images)
-
+    # The chapter Inputs lists each file one time, also if several runs have read it.
+    files: list[tuple[Cell, ...]] = list(
+        dict.fromkeys((item["file"], item["sha256"]) for item in page_text.inputs)
+    )
+    # Chapters without content are omitted, because their heading would be empty.
+    contents = []
+    for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
+        if parts := [part for part in chapter.parts if _has_content(part)]:
+            contents.append(Chapter(chapter.title, parts))
+    lay_out = partial(_lay_out, title, about, contents, page_text, software)
     # The cost of reduced figures is at most 1 - min(_SCALES). A higher cost means that a nearly
     # blank page remains; then page breaks before the last chapters are tried as well.
     flow = min(map(lay_out, _SCALES), key=lambda layout: layout.cost)
@@ -374,15 +389,13 @@ def _lay_out(
     chapters: Sequence[Chapter],
     page_text: PageText,
     software: str,
-    flow: _Flow,
-    images: dict[int, tuple[str, float]],
+    scale: float,
+    last_chapters: int = 0,
 ) -> _Flow:
-    """Add all parts of a report to an empty flow with its scale of figures, and return the flow.
-
-    `images` contains the attributes of the HTML image and ratio of height to width of each figure,
-    by the identity (`id`) of its `Picture`. New figures are added, so that further layouts do not
-    plot the figures again.
+    """Return the layout of a report with the relative height `scale` of the figures and with a page
+    break before the last `last_chapters` chapters (0: no page break).
     """
+    flow = _Flow(scale)
     flow.text("h1", escape(title), height=_LINE)
     if page_text.head:
         lines = (
@@ -395,24 +408,15 @@ def _lay_out(
         flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
     flow.text("p", _html(about))
     for part in page_text.answer:
-        _add(flow, part, images)
+        _add(flow, part)
     for text in once(page_text.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
-    # The chapter Inputs lists each file one time, also if several runs have read it.
-    files: list[tuple[Cell, ...]] = list(
-        dict.fromkeys((item["file"], item["sha256"]) for item in page_text.inputs)
-    )
-    # Chapters without content are omitted, because their heading would be empty.
-    shown_chapters = []
-    for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
-        if parts := [part for part in chapter.parts if _has_content(part)]:
-            shown_chapters.append((chapter.title, parts))
-    for index, (chapter_title, parts) in enumerate(shown_chapters):
+    for index, chapter in enumerate(chapters):
         flow.add_postponed()
-        remaining = len(shown_chapters) - index
-        flow.heading(chapter_title, parts[0], on_new_page=remaining == flow.last_chapters)
-        for part in parts:
-            _add(flow, part, images)
+        on_new_page = len(chapters) - index == last_chapters
+        flow.heading(chapter.title, chapter.parts[0], on_new_page=on_new_page)
+        for part in chapter.parts:
+            _add(flow, part)
     flow.add_postponed(last=True)
     flow.text("p", f"Made by {escape(software)}.")
     return flow
@@ -429,11 +433,8 @@ def _introduces_table(part: Part) -> bool:
     return isinstance(part, str) and part.endswith(":")
 
 
-def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
-    """Add a paragraph, a table, a figure or a list of points to a flow.
-
-    `images`: figures that are already plotted, as in `_lay_out`; a new figure is added.
-    """
+def _add(flow: _Flow, part: Part) -> None:
+    """Add a paragraph, a table, a figure or a list of points to a flow."""
     if isinstance(part, str):
         css_class = ""
         if _introduces_table(part):
@@ -445,14 +446,7 @@ def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
     elif isinstance(part, Table):
         _add_table(flow, part)
     elif isinstance(part, Picture):
-        caption = escape(part.caption)
-        if id(part) not in images:
-            image_format, content, (width, height) = _draw(part)
-            data = base64.b64encode(content).decode("ascii")
-            source = f'alt="{caption}" src="data:image/{image_format};base64,{data}"'
-            images[id(part)] = source, height / width
-        image, ratio = images[id(part)]
-        flow.picture(image, caption, ratio)
+        flow.picture(part)
     else:
         line_count = sum(-(-len(point) // _LETTERS) for point in part)
         flow.body.append("<ul>" + "".join(f"<li>{_html(point)}</li>" for point in part) + "</ul>")
@@ -493,20 +487,6 @@ def once(texts: Iterable[str]) -> list[str]:
         file, colon, message = text.partition(": ")
         files.setdefault(message if colon else text, {})[file if colon else ""] = None
     return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
-
-
-def _draw(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
-    """Draw a figure of a report. Return `svg+xml` or `png`, the image file, and its width and
-    height in inches. The format is PNG if lines with thousands of points make the SVG file large.
-    """
-    for image_format in ("svg+xml", "png"):
-        # The first three characters are the file extension of the format.
-        drawing, stream = figures.style.picture(f".{image_format[:3]}", picture.draw), io.BytesIO()
-        figure = drawing.figure()
-        drawing.save(figure, stream)
-        if len(stream.getvalue()) <= _MAX_SVG:
-            break
-    return image_format, stream.getvalue(), tuple(figure.get_size_inches())
 
 
 _TEXT_CLASS = ' class="t"'
