@@ -39,7 +39,7 @@ def main():
     tracemalloc.reset_peak()
     with Path("/dev/null").open("wb") as null_device:
         memory_before, _ = tracemalloc.get_traced_memory()
-        write_history(history, null_device)
+        write_history([history], null_device)
         _, peak_memory = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     stream = io.BytesIO()

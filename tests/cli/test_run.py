@@ -378,7 +378,7 @@ def test_a_refused_step_writes_only_the_summary(folder, tdint):
     ("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)]
 )
 def test_interrupted_writing_leaves_no_file(folder, tdint, monkeypatch, error, code):
-    def half_a_history(_, stream, units, **_kinds):
+    def half_a_history(_, stream, units):
         stream.write(b"half a li")
         raise error
 

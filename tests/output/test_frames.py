@@ -57,7 +57,7 @@ def test_columns_equal_the_columns_of_the_tables(response):
 
 def test_a_history_equals_the_file_of_the_command(response):
     stream = io.BytesIO()
-    write_history(response.history, stream)
+    write_history([response.history], stream)
     header, *rows = csv.reader(io.StringIO(stream.getvalue().decode()))
     columns = response.history.to_dict()
     assert (

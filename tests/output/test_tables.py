@@ -145,7 +145,7 @@ def test_history(monkeypatch, stories, rows_at_once):
         displacement=np.where(np.arange(5)[:, None] == 0, -0.0, response_history.displacement),
     )
     stream = io.BytesIO()
-    histories.write_history(response_history, stream)
+    histories.write_history([response_history], stream)
     rows = read(stream.getvalue())
     floors = (("displacement", "displacement_m"), ("velocity", "velocity_m_s"))
     floors += (("acceleration", "absolute_acceleration_m_s2"),)

@@ -393,7 +393,7 @@ def _files(
             chunk if request.check else replace(chunk, error=None)
             for chunk in response.history_chunks(request.history_every)
         )
-        files[file] = lambda stream: tables.histories.write_pieces(chunks, stream, units)
+        files[file] = lambda stream: tables.histories.write_history(chunks, stream, units)
     if request.output:
         floor_files, notes = request.floor_request.files(
             response,

@@ -13,7 +13,7 @@ from building_cases import model, story
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.model.story_laws import Law
-from tdint.output.tables.histories import write_history, write_pieces
+from tdint.output.tables.histories import write_history
 from tdint.response.runs.history import History
 from tdint.response.runs.outcome import Response
 from tdint.response.runs.run import run
@@ -72,8 +72,8 @@ def test_file_written_in_chunks_is_identical(monkeypatch: pytest.MonkeyPatch) ->
     response, pieces = run_and_chunks(monkeypatch)
     assert response.history is not None
     at_once, in_pieces = io.BytesIO(), io.BytesIO()
-    write_history(response.history.every(3), at_once)
-    write_pieces(pieces(3), in_pieces)
+    write_history([response.history.every(3)], at_once)
+    write_history(pieces(3), in_pieces)
     assert at_once.getvalue() == in_pieces.getvalue()
 
 

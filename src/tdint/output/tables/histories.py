@@ -117,51 +117,39 @@ class HistoryLayout(NamedTuple):
         )
 
 
-def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a response history as CSV from consecutive pieces, so that memory use is limited.
-
-    The file is the same as the file that `write_history` writes for the complete history.
-
-    Parameters
-    ----------
-    pieces : iterable of History
-        Parts of the history in the order of time.
-    units : OutputUnits
-        Units of the columns; SI by default.
-    """
-    for index, piece in enumerate(pieces):
-        write_history(piece, stream, units, header=index == 0)
-
-
-def write_history(
-    history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True
-) -> None:
+def write_history(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write a response history as CSV with one row per time step.
 
     Parameters
     ----------
-    header : bool
-        True to write the header; true by default.
+    pieces : iterable of History
+        Consecutive parts of the history in the order of time, so that memory use is limited.
+    units : OutputUnits
+        Units of the columns; SI by default.
     """
-    layout = HistoryLayout.of(history)
-    names_and_factors = [units.column(column.name, column.unit) for column in layout.columns]
-    if header:
-        stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
-    factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
-    row_format = ",".join(["%.12g"] * len(names_and_factors)) + "\n"
-    # `groups` contains the arrays of the columns of each group, shape (steps,) or (steps, stories).
-    # For a group with the quantities a and b of each story, the columns of the file are a and b of
-    # story 1, a and b of story 2, and so on, as in `HistoryLayout`. `stack` therefore adds the
-    # quantity as the last axis, and `reshape` joins the axes of stories and quantities.
-    groups = [[column.of(history) for column in group] for _, group in layout.groups]
-    for start in range(0, len(history.time), _ROWS_AT_ONCE):
-        row_slice = slice(start, start + _ROWS_AT_ONCE)
-        group_blocks = (
-            np.stack([values[row_slice] for values in group], axis=-1) for group in groups
-        )
-        table = np.hstack([block.reshape(len(block), -1) for block in group_blocks])
-        if factors is not None:
-            table /= factors
-        table += 0.0  # removes the sign of negative zero
-        text = row_format * len(table) % tuple(table.ravel().tolist())
-        stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))
+    for index, history in enumerate(pieces):
+        layout = HistoryLayout.of(history)
+        names_and_factors = [units.column(column.name, column.unit) for column in layout.columns]
+        if index == 0:
+            stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
+        factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
+        row_format = ",".join(["%.12g"] * len(names_and_factors)) + "\n"
+        # `groups` contains the arrays of the columns of each group, shape (steps,) or (steps,
+        # stories). For a group with the quantities a and b of each story, the columns of the file
+        # are a and b of story 1, a and b of story 2, and so on, as in `HistoryLayout`. `stack`
+        # therefore adds the quantity as the last axis, and `reshape` joins the axes of stories and
+        # quantities.
+        groups = [[column.of(history) for column in group] for _, group in layout.groups]
+        for start in range(0, len(history.time), _ROWS_AT_ONCE):
+            row_slice = slice(start, start + _ROWS_AT_ONCE)
+            group_blocks = (
+                np.stack([values[row_slice] for values in group], axis=-1) for group in groups
+            )
+            table = np.hstack([block.reshape(len(block), -1) for block in group_blocks])
+            if factors is not None:
+                table /= factors
+            table += 0.0  # removes the sign of negative zero
+            text = row_format * len(table) % tuple(table.ravel().tolist())
+            stream.write(
+                (text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii")
+            )

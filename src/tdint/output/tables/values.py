@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdint.arrays import each_array
 from tdint.output.tables import histories, runs
 from tdint.output.tables.table import Column
 from tdint.response.runs.history import History
@@ -58,17 +59,10 @@ def _demand_errors(result: Runs) -> Values:
     rows = []
     for run, model in enumerate(result.model.tolist()):
         story_count = len(result.models[model].stories)
-        peaks = _values_of_run(result.stories, run, story_count)
-        errors = _values_of_run(result.errors, run, story_count)
+        of_run = itemgetter((run, slice(story_count)))
+        peaks, errors = (each_array(of_run, part) for part in (result.stories, result.errors))
         rows.append(demand_errors(peaks, errors))
     return list(zip(runs.RUN_ERRORS, np.array(rows).T, strict=True))
-
-
-def _values_of_run(values: Any, run: int, story_count: int) -> Any:
-    """Return the peak responses, or their errors, of one of many runs."""
-    return type(values)(
-        **{field.name: getattr(values, field.name)[run, :story_count] for field in fields(values)}
-    )
 
 
 def history_columns(result: History) -> Values:
