@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from tdint.model.limits import LimitCheck
     from tdint.output.tables.table import Column
     from tdint.response.runs.outcome import (
-        Collapse,
         ErrorEstimate,
         EventResponse,
         FailedRun,
@@ -160,6 +159,7 @@ def run_summary(
     """
     energy = response.energy
     oscillating = int(response.residual_oscillation.argmax())  # index of the story
+    elements, collapse = element_table(response), response.collapse
     content = {
         "schema": schema("run"),
         "status": response.status,
@@ -184,7 +184,7 @@ def run_summary(
         },
         "peaks": _peaks_of(response),
         **matrices.as_json(response),
-        **_elements(response),
+        **({"elements": elements.as_dictionaries()} if elements else {}),
         **devices.as_json(response),
         "check": _check(response.check, response.stories),
         **(
@@ -198,7 +198,13 @@ def run_summary(
             "time_at_rest_s": response.time_at_rest,
         },
         "collapse_drift": response.model.collapse_drift,
-        "collapse": _collapse(response.collapse),
+        "collapse": collapse
+        and {
+            "time_s": collapse.time,
+            "story": collapse.story,
+            "run_ended": collapse.ended,
+            "failed": collapse.failed,
+        },
         **_damage(response),
         **({"limits": limits_summary(limits, mean=False)} if limits else {}),
     }
@@ -337,12 +343,6 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
     return {key: None if math.isnan(error) else error for key, error in errors_by_column.items()}
 
 
-def _elements(response: Response) -> dict[str, Any]:
-    """Return the rows of elements.csv under the key `elements`; empty without such a table."""
-    table = element_table(response)
-    return {"elements": table.as_dictionaries()} if table else {}
-
-
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
     """Return the part of summary.json about the building: number of stories, damping, and, if they
     are known, the first mode and the spectral acceleration at its period."""
@@ -432,19 +432,3 @@ def _damage(response: Response) -> dict[str, Any]:
         **({"loss_ratio": float(damage.loss[0])} if states.losses else {}),
     }
     return {"damage": content}
-
-
-def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
-    """Return the part of summary.json about a collapse; None if the building did not collapse.
-
-    It states the time (s) and the story (from 1) of the collapse, whether the run ended at the
-    collapse, and whether a law failed.
-    """
-    if collapse is None:
-        return None
-    return {
-        "time_s": collapse.time,
-        "story": collapse.story,
-        "run_ended": collapse.ended,
-        "failed": collapse.failed,
-    }

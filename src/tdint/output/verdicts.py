@@ -49,58 +49,39 @@ def limit_verdicts(
     verdicts = []
     for level, level_checks in by_level(checks).items():
         met = all(check.within for check in level_checks)
-        has_single_limit = _is_drift_alone(level_checks)
+        result, governing = "met" if met else "exceeded", level_checks[0]
+        # A single drift limit without a performance level, such as of `--limit`
+        has_single_limit = (
+            len(level_checks) == 1 and governing.quantity == DRIFT_RATIO and not level
+        )
         if has_single_limit:
-            check = level_checks[0]
             text = (
-                f"{'Mean drift' if mean else 'Maximum drift ratio'} {_demand(check, units, 3)} "
-                f"(story {check.story}), limit {_limit(check, units)}: "
-                f"{'met' if met else 'exceeded'}{lost}"
+                f"{'Mean drift' if mean else 'Maximum drift ratio'} "
+                f"{_demand(governing, units, 3)} (story {governing.story}), limit "
+                f"{_limit(governing, units)}: {result}{lost}"
             )
-            text += f"; {_maximum(check, units)}." if mean else "."
+            text += f"; {_maximum(governing, units)}." if mean else "."
         else:
-            text = _sentence(level, level_checks, units, met=met, lost=lost, mean=mean)
+            # If a collapse is the reason, no demand governs.
+            is_collapse = bool(lost) and all(check.ratio <= 1.0 for check in level_checks)
+            governs = len(level_checks) > 1 and not is_collapse
+            clauses = []
+            for check in level_checks:
+                quantity = QUANTITIES[check.quantity]
+                clause = f"mean {quantity.text}" if mean else quantity.text
+                clause += f" {_demand(check, units)} ({quantity.location} "
+                clause += f"{check.place(check.story)})"
+                clause += " governs:" if check is governing and governs else ","
+                ratio = number_text(check.ratio, unlike=1.0)
+                clause += f" {ratio} times the limit of {_limit(check, units)}"
+                if mean and check is governing:
+                    clause += f", {_maximum(check, units)}"
+                clauses.append(clause)
+            level_text = f" of {level}" if level else ""
+            others = "; means of the other motions" if lost and mean and not governs else ""
+            text = f"Limits{level_text} {result}{lost}{others}: {'; '.join(clauses)}."
         verdicts.append(Verdict(met, text + addition, has_single_limit))
     return verdicts
-
-
-def _is_drift_alone(checks: Sequence[LimitCheck]) -> bool:
-    """Return True for a single drift limit without a performance level, such as of `--limit`."""
-    return len(checks) == 1 and checks[0].quantity == DRIFT_RATIO and not checks[0].level
-
-
-def _sentence(
-    level: str,
-    checks: Sequence[LimitCheck],
-    units: OutputUnits,
-    *,
-    met: bool,
-    lost: str,
-    mean: bool,
-) -> str:
-    """Return a sentence on the comparison of several demands with their limits, the governing
-    demand first.
-
-    `level` is empty for limits without a performance level. `lost` contains the addition about
-    collapsed or failed runs; may be empty.
-    """
-    clauses = []
-    # If a collapse is the reason, no demand governs.
-    governs = len(checks) > 1 and not (lost and all(check.ratio <= 1.0 for check in checks))
-    for i, check in enumerate(checks):
-        quantity = QUANTITIES[check.quantity]
-        clause = f"mean {quantity.text}" if mean else quantity.text
-        clause += f" {_demand(check, units)} ({quantity.location} {check.place(check.story)})"
-        clause += " governs:" if i == 0 and governs else ","
-        ratio = number_text(check.ratio, unlike=1.0)
-        clause += f" {ratio} times the limit of {_limit(check, units)}"
-        if mean and i == 0:
-            clause += f", {_maximum(check, units)}"
-        clauses.append(clause)
-    level_text = f" of {level}" if level else ""
-    if lost and mean and not governs:
-        lost += "; means of the other motions"
-    return f"Limits{level_text} {'met' if met else 'exceeded'}{lost}: {'; '.join(clauses)}."
 
 
 def _maximum(check: LimitCheck, units: OutputUnits) -> str:

@@ -115,7 +115,10 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         lower_grid = grid[-1].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
     profiles = [figure.add_subplot(lower_grid[i]) for i in range(3)]
     draw_profiles(profiles, response, units)
-    _draw_hysteresis(figure.add_subplot(lower_grid[3]), response, history, units)
+    story, reason = loop_story(response, units)
+    loop = figure.add_subplot(lower_grid[3])
+    _draw_loop(loop, response, history, story, units)
+    loop.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
     _mark_events([*upper, roof], response)
     return titled(figure, title + _run_subject(response))
 
@@ -369,16 +372,6 @@ def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
     return story, reason
 
 
-def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    """Plot the hysteresis loop of the story that `loop_story` selects.
-
-    The title of the panel states the number of the story and the reason for its selection.
-    """
-    story, reason = loop_story(response, units)
-    _draw_loop(axes, response, history, story, units)
-    axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
-
-
 def _draw_loop(
     axes: Any, response: Response, history: History, story: int, units: OutputUnits
 ) -> None:
@@ -396,33 +389,25 @@ def _draw_loop(
         drift, shear = drift[order], shear[order]
     factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
     axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
-    _draw_element_loops(axes, response, history, story, units)
+    # The forces of the elements of the story are drawn below its loop.
+    elements, element_force = response.elements, history.element_force
+    if elements is not None and element_force is not None:
+        drift = units.of(history.drift[:, story], "m")
+        for number, column in enumerate(np.flatnonzero(elements.story == story + 1).tolist()):
+            axes.plot(
+                drift,
+                factor * element_force[:, column],
+                color=COLORS[1 + number % (len(COLORS) - 1)],  # the first is the color of the story
+                linewidth=0.6,
+                zorder=0,
+                label=elements.element[column],
+            )
+        if axes.get_legend_handles_labels()[1]:
+            axes.legend(loc="upper left", fontsize=7.0, handlelength=1.2)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-
-
-def _draw_element_loops(
-    axes: Any, response: Response, history: History, story: int, units: OutputUnits
-) -> None:
-    """Plot the forces of the elements of a story over its drift, below the loop of the story."""
-    elements = response.elements
-    if elements is None or history.element_force is None:
-        return
-    drift = units.of(history.drift[:, story], "m")
-    factor, _ = scaled_unit(float(np.max(np.abs(history.shear[:, story]))), "N", units)
-    for number, column in enumerate(np.flatnonzero(elements.story == story + 1).tolist()):
-        axes.plot(
-            drift,
-            factor * history.element_force[:, column],
-            color=COLORS[1 + number % (len(COLORS) - 1)],  # the first color is that of the story
-            linewidth=0.6,
-            zorder=0,
-            label=elements.element[column],
-        )
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="upper left", fontsize=7.0, handlelength=1.2)
 
 
 def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:

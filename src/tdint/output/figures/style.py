@@ -263,15 +263,23 @@ class ShownFigure(Figure):
     def _repr_png_(self) -> bytes:
         """Return the figure as PNG; notebooks call this method."""
         stream = io.BytesIO()
-        settings = _settings(self.printed) | _LAID_OUT_HERE
-        with (
-            mpl.rc_context(settings),
-            _missing_glyphs_ignored(),
-            _panels_must_fit(self.printed.width),
-            _fixed_layout(self, _NOTEBOOK_DPI),
-        ):
-            self.savefig(stream, format="png", dpi=_NOTEBOOK_DPI)
+        _save(self, stream, self.printed, _NOTEBOOK_DPI, format="png")
         return stream.getvalue()
+
+
+def _save(figure: Figure, stream: BinaryIO, printed: PrintedAs, dpi: int, **saved: Any) -> None:
+    """Write a figure to a stream with a resolution, pixels per inch; `saved` are the format and the
+    metadata of the file."""
+    # Only for PNG, the layout can be computed before the file is written: in vector formats, the
+    # viewer determines the widths of characters, which differ from widths in pixels.
+    layout_context = _fixed_layout(figure, dpi) if saved["format"] == "png" else nullcontext()
+    with (
+        mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
+        _missing_glyphs_ignored(),
+        _panels_must_fit(printed.width),
+        layout_context,
+    ):
+        figure.savefig(stream, dpi=dpi, **saved)
 
 
 @dataclass(frozen=True)
@@ -315,16 +323,8 @@ class Picture:
         """Write a figure that the method `figure` has returned to a stream, in the file format."""
         printed = PRINTED.get()
         dpi = _PRINT_DPI if printed.width else _SCREEN_DPI
-        # Only for PNG, the layout can be computed before the file is written: in vector formats,
-        # the viewer determines the widths of characters, which differ from widths in pixels.
-        layout_context = _fixed_layout(figure, dpi) if self.format == "png" else nullcontext()
-        with (
-            mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
-            _missing_glyphs_ignored(),
-            _panels_must_fit(printed.width),
-            layout_context,
-        ):
-            figure.savefig(stream, format=self.format, dpi=dpi, metadata=_METADATA[self.format])
+        metadata = _METADATA[self.format]
+        _save(figure, stream, printed, dpi, format=self.format, metadata=metadata)
 
 
 @contextmanager
@@ -586,25 +586,18 @@ def titled(figure: Figure, title: str) -> Figure:
         line = shorten(title_line, 2 * max_letters, placeholder=" ...")
         # A line does not break between a symbol, its value and its unit.
         line = _QUANTITY.sub(lambda match: match[0].replace(" ", _NO_BREAK_SPACE), line)
-        lines += [part.replace(_NO_BREAK_SPACE, " ") for part in _evenly(line, max_letters)]
+        # The smallest width with the minimum number of lines gives lines of similar length.
+        count = len(wrap(line, max_letters, break_on_hyphens=False))
+        width = max(len(line) // max(count, 1), 1)
+        while len(parts := wrap(line, width, break_on_hyphens=False)) > count:
+            width += 1
+        lines += [part.replace(_NO_BREAK_SPACE, " ") for part in parts]
     figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
     return figure
 
 
 _NO_BREAK_SPACE = "\u00a0"  # `wrap` does not break a line at this character
 _QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.])")
-
-
-def _evenly(line: str, max_letters: int) -> list[str]:
-    """Wrap a line into the minimum number of lines, with similar lengths of at most `max_letters`.
-
-    The smallest width with the same number of lines gives lines of similar length.
-    """
-    count = len(wrap(line, max_letters, break_on_hyphens=False))
-    width = max(len(line) // max(count, 1), 1)
-    while len(lines := wrap(line, width, break_on_hyphens=False)) > count:
-        width += 1
-    return lines
 
 
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
