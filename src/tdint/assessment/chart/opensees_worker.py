@@ -1,8 +1,8 @@
 """Run OpenSeesPy in a separate process.
 
 `python -m` with the name of the module reads a building and a list of runs from standard input, and
-writes their motions and times to standard output. The module does not import other modules of
-tdint, so that only the analysis loop of OpenSeesPy is timed. Exit codes: 3 if OpenSeesPy is not
+writes their motions and times to standard output. Only the analysis loop of OpenSeesPy is timed.
+Exit codes: 3 if OpenSeesPy is not
 installed, 4 if it is installed but cannot be loaded.
 """
 
@@ -12,16 +12,16 @@ import ctypes
 import math
 import os
 import pickle
-import signal
 import sys
 import time
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+
+from tdint.system import die_with_parent
 
 NOT_INSTALLED, NOT_LOADED = 3, 4
 SECONDS = 60.0
@@ -39,8 +39,6 @@ _GROUND, _PATTERN = 0, 1  # node of the ground, and tag of the load pattern of t
 _RECORDED = ("disp", "vel", "accel")  # responses of the nodes that OpenSees writes to files
 # Difference between the tags of parallel elements of one story; more than the number of stories
 _TAG_OFFSET = 100_000
-# Option PR_SET_PDEATHSIG of the Linux function prctl: send a signal when the parent process ends
-_SIGNAL_AT_PARENTS_DEATH = 1
 _FOREVER = 1e9  # s; later than the end of any run
 
 Content = dict[str, Any]
@@ -55,13 +53,8 @@ def main() -> int:
     The argument of the process is the ID of the process that started it. On Linux, this process is
     killed when that process ends.
     """
-    if sys.platform == "linux" and len(sys.argv) > 1:
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, signal.SIGKILL)
-        # If the parent ended before the request, no signal is sent. This process then has another
-        # parent.
-        if os.getppid() != int(sys.argv[1]):
-            return 1
+    if len(sys.argv) > 1:
+        die_with_parent(int(sys.argv[1]))
     if find_spec("openseespy") is None:
         return NOT_INSTALLED
     # Messages that OpenSees prints on standard output must not be mixed with the results.
