@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +36,7 @@ from tdint_cli.studies.options import pair_measure, read_suite, read_table_of_fa
 from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
+    from tdint.arrays import Array
     from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.studies.ida.ida import IdaSettings, IdaStudy
@@ -417,8 +418,7 @@ def _report(study: IdaStudy, precision: float) -> None:
     say(
         f"{study.model.name}: {study.motions_text}, {pluralize(len(runs), 'run')} with "
         f"{study.method}.",
-        *map(_median, study.states),
-        *_limit_medians(study),
+        *_medians(study),
     )
     repeated = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if repeated:
@@ -471,55 +471,41 @@ def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
     return warnings
 
 
-def _median(study: IdaStudy) -> str:
-    """Return a sentence with the median collapse capacity for a single initial damage."""
+def _medians(study: IdaStudy) -> Iterator[str]:
+    """Yield a sentence with the median collapse capacity for each initial damage, and with the
+    median capacity for each limit of attachments and links."""
     import numpy as np
 
-    from tdint.studies.ida.ida_curve import fractiles
+    from tdint.studies.ida.ida_curve import fractiles, fractiles_of
 
-    curves = study.motion_curves
-    count, damage = len(curves), curves[0].damage
-    # The array has a row for each fractile (16, 50 and 84 %) and a column for the collapse drift. A
-    # fractile above the maximum intensity is NaN.
-    values = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
-    state = f" of the building damaged to a drift ratio of {100.0 * damage:g} %" if damage else ""
-    censored = sum(curve.collapse.censored for curve in curves)
-    return _median_text(f"Median collapse capacity{state}", study, values, count, censored)
-
-
-def _limit_medians(study: IdaStudy) -> list[str]:
-    """Return a sentence with the median capacity for each limit of attachments and links."""
-    import numpy as np
-
-    from tdint.studies.ida.ida_curve import fractiles_of
-
+    for state in study.states:
+        curves = state.motion_curves
+        damage, collapse_drift = curves[0].damage, np.array([study.model.collapse_drift])
+        text = "Median collapse capacity"
+        if damage:
+            text += f" of the building damaged to a drift ratio of {100.0 * damage:g} %"
+        censored = sum(curve.collapse.censored for curve in curves)
+        yield _median_text(text, study, fractiles(curves, collapse_drift), len(curves), censored)
     if not study.limits:
-        return []
+        return
     curves = study.states[0].motion_curves
     capacities = [
         studies.ida_tables.limit_capacities(study, curve) for curve in curves if curve.stable
     ]
-    return [
-        _median_text(
-            f"Median capacity, limit {of_limit[0].limit}",
-            study,
-            fractiles_of(np.array([[item.intensity] for item in of_limit]))[:, 0].tolist(),
-            len(curves),
-            sum(item.censored for item in of_limit),
-        )
-        for of_limit in zip(*capacities, strict=True)
-    ]
+    for of_limit in zip(*capacities, strict=True):
+        text = f"Median capacity, limit {of_limit[0].limit}"
+        values = fractiles_of(np.array([[item.intensity] for item in of_limit]))
+        censored = sum(item.censored for item in of_limit)
+        yield _median_text(text, study, values, len(curves), censored)
 
 
-def _median_text(
-    text: str, study: IdaStudy, values: Sequence[float], count: int, censored: int
-) -> str:
+def _median_text(text: str, study: IdaStudy, values: Array, count: int, censored: int) -> str:
     """Return a sentence with the median capacity and, for several motions, two fractiles.
 
-    `values` are the fractiles in ascending order; `count` and `censored` are the numbers of all and
-    of censored capacities.
+    `values`, shape (3, 1), are the fractiles in ascending order; a fractile above the maximum
+    intensity is NaN. `count` and `censored` are the numbers of all and of censored capacities.
     """
-    low, median, high = values
+    low, median, high = values[:, 0].tolist()
     unit = study.measure.unit
     text += ": "
     if math.isnan(median):

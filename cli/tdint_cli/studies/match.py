@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +20,10 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.studies import options as study_options
 from tdint_cli.studies.options import read_table_of_factors
-from tdint_cli.terminal import Failures, Progress, note, progress_bar, say, warn
+from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.ground_motion.origin import MotionOrigin
-    from tdint.ground_motion.reading.suites import GroundMotion
     from tdint.ground_motion.record import Record
     from tdint.output.tables.table import Table
     from tdint.response.spectra.target import TargetSpectrum
@@ -138,7 +138,7 @@ def command(request: MatchRequest) -> None:
     """
     from tdint.ground_motion.origin import written_motion
     from tdint.response.spectra.target import read_targets
-    from tdint.studies.motions.matching import match_suite
+    from tdint.studies.motions.matching import match, match_suite
     from tdint.studies.motions.motion_files import motion_contents, motion_file_names
 
     # A missing option or an existing output file must not be detected after a long computation.
@@ -163,7 +163,16 @@ def command(request: MatchRequest) -> None:
                 **matching_options,
             )
         else:
-            matches = _match_each(suite.motions, targets, matching_options, show_progress)
+            count = len(suite.motions)
+
+            def show(number: int, done: int, total: int) -> None:
+                """Show the progress over all motions after `done` of `total` steps of a motion."""
+                show_progress(f"motion {number + 1}/{count}", (number + done / total) / count)
+
+            matches = [
+                match(motion, targets, progress=partial(show, number), **matching_options)
+                for number, motion in enumerate(suite.motions)
+            ]
     table = studies.matching_tables.match_table(matches)
 
     origins = _origins(request, matches)
@@ -257,32 +266,6 @@ def _report(
     if request.suite == "mean":
         for number, target in enumerate(targets):
             say(_mean_sentence([matched.by_damping[number] for matched in matches], target))
-
-
-def _match_each(
-    motions: Sequence[GroundMotion],
-    targets: Sequence[TargetSpectrum],
-    matching_options: dict[str, Any],
-    show_progress: Progress,
-) -> list[Match]:
-    """Match each ground motion separately to the target spectra.
-
-    `motions` contains the ground motions (single components or pairs) that are scaled and matched.
-    """
-    from tdint.studies.motions.matching import match
-
-    count = len(motions)
-
-    def match_motion(number: int, motion: GroundMotion) -> Match:
-        """Match the motion with this number (from 0) and show the progress over all motions."""
-
-        def show(done: int, total: int) -> None:
-            """Show the progress after `done` of `total` steps of the motion."""
-            show_progress(f"motion {number + 1}/{count}", (number + done / total) / count)
-
-        return match(motion, targets, progress=show, **matching_options)
-
-    return [match_motion(number, motion) for number, motion in enumerate(motions)]
 
 
 def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:

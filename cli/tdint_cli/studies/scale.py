@@ -30,10 +30,9 @@ from tdint_cli.studies.options import pair_measure, read_suite
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from tdint.arrays import Array
     from tdint.grids import Grid
+    from tdint.ground_motion.reading.suites import Suite
     from tdint.response.spectra.target import TargetSpectrum
     from tdint.studies.motions.scaling import Scaling
     from tdint.units import OutputUnits
@@ -275,14 +274,7 @@ def command(request: ScaleRequest) -> None:
     outputs, units = request.outputs, request.outputs.shown_units
     spectra = [Path(request.spectra)] if request.spectra else []
     check_outputs([*outputs.files, *spectra], overwrite=outputs.overwrite)
-    # Read the target before the records, so that its errors are reported immediately.
-    scale_suite = _scale_function(request)
-    suite = read_suite(request.records, request.choice, request.pair_wish)
-    # Factors that depend on the complete set are invalid if a record is missing.
-    # A selection is complete without the missing records.
-    if suite.failures and not request.select and (request.p695 or request.rule in _BY_PERIOD):
-        raise Failures(suite.failures)
-    scaling = scale_suite(suite.motions)
+    suite, scaling = _scaled(request)
     if request.max_factor is not None and (larger := scaling.beyond(0.0, request.max_factor)):
         factors = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
         raise AnalysisError(
@@ -316,36 +308,55 @@ def command(request: ScaleRequest) -> None:
         raise Failures(suite.failures)
 
 
-def _scale_function(request: ScaleRequest) -> Any:
-    """Return the function that scales a suite of ground motions by the requested rule.
+def _scaled(request: ScaleRequest) -> tuple[Suite, Scaling]:
+    """Read the ground motions of the command line, and scale them by the requested rule, or select
+    and scale some of them.
 
-    The target is read here, before the records, so that its errors are reported immediately.
-    UsageError is raised if it cannot be read, or does not cover the periods.
+    The target and other tables are read before the records, so that their errors are reported
+    immediately. UsageError is raised if the target cannot be read, or does not cover the periods;
+    Failures, if the factors depend on a record that cannot be read.
     """
     from tdint.studies.motions.intensity import measure_at
-    from tdint.studies.motions.scaling import scale
+    from tdint.studies.motions.scaling import BOUNDS, scale
+    from tdint.studies.motions.selection import named_events, select
 
     settings: dict[str, Any] = {"damping": request.damping, "pair": request.pair}
-    if request.target is None:
-        name, value = request.to or ("", None)
-        measure = measure_at(name, request.damping, request.at or math.nan) if name else None
-        rule = "p695" if request.p695 else "mean"
-        return lambda motions: scale(motions, measure, value, rule=rule, **settings)
-    from tdint.response.spectra.target import read_target
+    settings["rule"] = "p695" if request.p695 else request.rule or "mean"
+    measure = value = None
+    if request.target is not None:
+        from tdint.response.spectra.target import read_target
 
-    target = read_target(request.target)
-    periods = _period_range(request, target).values()
-    try:
-        target.at(periods)
-    except UsageError as error:
-        raise UsageError(
-            f"{error}; specify the periods for the comparison: --range FIRST:LAST:COUNT"
-        ) from None
-    target.check_damping(request.damping, "of the records")
-    if request.select is not None:
-        return _select_function(request, target, periods)
-    rule = request.rule or "mean"
-    return lambda motions: scale(motions, target=target, rule=rule, periods=periods, **settings)
+        target = read_target(request.target)
+        periods = _period_range(request, target).values()
+        try:
+            target.at(periods)
+        except UsageError as error:
+            raise UsageError(
+                f"{error}; specify the periods for the comparison: --range FIRST:LAST:COUNT"
+            ) from None
+        target.check_damping(request.damping, "of the records")
+        settings |= {"target": target, "periods": periods}
+        scatter, event_of_record = _selection_tables(request, periods)
+    elif request.to:
+        name, value = request.to
+        measure = measure_at(name, request.damping, request.at or math.nan)
+    suite = read_suite(request.records, request.choice, request.pair_wish)
+    if request.select is None:
+        # Factors that depend on the complete set are invalid if a record is missing.
+        if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
+            raise Failures(suite.failures)
+        return suite, scale(suite.motions, measure, value, **settings)
+    # A selection is complete without the missing records.
+    scaling = select(
+        suite.motions,
+        count=request.select,
+        factors=request.factor_range or BOUNDS,
+        events=named_events(suite.motions, event_of_record) if event_of_record else None,
+        per_event=request.per_event,
+        scatter=scatter,
+        **settings,
+    )
+    return suite, scaling
 
 
 def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
@@ -371,20 +382,12 @@ def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
     return Grid(0.2 * min(first_periods), 2.0 * max(first_periods), 100)
 
 
-def _select_function(
-    request: ScaleRequest, target: TargetSpectrum, periods: Array
-) -> Callable[[Any], Scaling]:
-    """Return a function that selects and scales some of the ground motions that it receives.
-
-    The tables of events and of the standard deviation are read here, before the records.
-
-    `periods` contains the periods where the spectra are compared with the target, s.
-    """
+def _selection_tables(request: ScaleRequest, periods: Array) -> tuple[Any, dict[str, str]]:
+    """Return the target standard deviation (--target-std) at the periods, s, where the spectra are
+    compared with the target, and the event of each record (--events, empty without a table)."""
     import numpy as np
 
     from tdint.csv_table import read_table
-    from tdint.studies.motions.scaling import BOUNDS
-    from tdint.studies.motions.selection import named_events, select
 
     # The target standard deviation is a number, or the name of a table over the periods.
     scatter: Any = None
@@ -400,36 +403,12 @@ def _select_function(
             table.need("period_s", "scatter")
             table_periods = np.array(table.numbers("period_s", positive=True))
             scatter = np.interp(np.log(periods), np.log(table_periods), table.numbers("scatter"))
-    event_of_record: dict[str, str] | None = None
-    if request.events is not None:
-        table = read_table(
-            request.events, "events are a CSV file with the columns record and event"
-        )
-        table.need("record", "event")
-        event_of_record = dict(
-            zip(table.texts("record", empty=False), table.texts("event", empty=False), strict=True)
-        )
-
-    def choose(motions: Any) -> Scaling:
-        """Select ground motions; the events are from the table or from the record files."""
-        events: Sequence[object] | None = None
-        if event_of_record is not None:
-            events = named_events(motions, event_of_record)
-        return select(
-            motions,
-            target,
-            request.select or 1,
-            periods=periods,
-            rule=request.rule or "mean",
-            damping=request.damping,
-            pair=request.pair,
-            factors=request.factor_range or BOUNDS,
-            events=events,
-            per_event=request.per_event,
-            scatter=scatter,
-        )
-
-    return choose
+    if request.events is None:
+        return scatter, {}
+    table = read_table(request.events, "events are a CSV file with the columns record and event")
+    table.need("record", "event")
+    records, events = (table.texts(name, empty=False) for name in ("record", "event"))
+    return scatter, dict(zip(records, events, strict=True))
 
 
 def _warnings(scaling: Scaling) -> list[str]:
