@@ -154,8 +154,8 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
         Column.named("acceleration", "", "m/s^2"),
         Column(f"residual_{drift}{end}", drift_unit, "residual_drift", ""),
         Column("base_shear_N", "N", "base_shear", ""),
-        Column("device_force_N", "N", "device.force", ""),
-        Column("device_stroke_m", "m", "device.stroke", ""),
+        Column("device_force_N", "N", "device_force", ""),
+        Column("device_stroke_m", "m", "device_stroke", ""),
     ]
 
 

@@ -31,7 +31,7 @@ from tdint.output.report import (
 )
 from tdint.output.spectrum_text import spectrum_text
 from tdint.output.tables.loads import LOAD_COLUMNS
-from tdint.output.tables.table import Cell, Table
+from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.spectra.target import read_target
@@ -168,15 +168,31 @@ def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) ->
     `store` is the store of the campaign, with the time steps and the estimated errors of all runs.
     """
     methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
-    step, accuracy = _steps_and_errors(store)
-    free_vibration = (
-        ("runs continue after the end of the record until free vibration has decayed",)
-        if plan.settings.until_rest
-        else ()
-    )
-    return assumptions(
-        f"{methods}, {step}", [accuracy, *free_vibration, *_pair_rule(store), _SUITE]
-    )
+    low, high, energy, error = store.connection.execute(
+        "SELECT min(dt_s), max(dt_s), max(abs(energy_error)), max(peak_drift_m_error / "
+        "peak_drift_m) FROM run_rows"
+    ).fetchone()
+    steps = f"{low:.6g} s" if low == high else f"{low:.6g} to {high:.6g} s"
+    # Energy and error are unknown if no run has a result.
+    accuracy = []
+    if not store.checked:
+        accuracy.append("the error of the time integration was not estimated (--check)")
+    elif error is not None:
+        accuracy.append(
+            f"the largest estimated error of a maximum drift is {number_text(100.0 * error, 2)} %"
+        )
+    if energy is not None:
+        accuracy.append(
+            f"the largest energy imbalance of a run is {number_text(100.0 * energy, 2)} % of its "
+            "input energy"
+        )
+    clauses = ["; ".join(accuracy)]
+    if plan.settings.until_rest:
+        clauses.append("runs continue after the end of the record until free vibration has decayed")
+    rule = store.pair_rule()
+    if rule.pairs:
+        clauses.append(f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})")
+    return assumptions(f"{methods}, time steps of {steps}", [*clauses, _SUITE])
 
 
 def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:
@@ -208,36 +224,6 @@ def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | N
             )
         )
     return headlines
-
-
-def _steps_and_errors(store: Store) -> tuple[str, str]:
-    """Return two clauses for the assumptions in the report of a campaign: the time steps of the
-    runs; the maximum energy imbalance of a run, and the maximum estimated error of the drifts if
-    errors were estimated.
-    """
-    query = "SELECT min(dt_s), max(dt_s), max(abs(energy_error)) FROM run_rows"
-    low, high, energy = store.connection.execute(query).fetchone()
-    step = (
-        f"time steps of {low:.6g} s" if low == high else f"time steps of {low:.6g} to {high:.6g} s"
-    )
-    imbalance = ""
-    if energy is not None:
-        imbalance = (
-            f"the largest energy imbalance of a run is {number_text(100.0 * energy, 2)} % of its "
-            "input energy"
-        )
-    if not store.checked:
-        not_estimated = "the error of the time integration was not estimated (--check)"
-        return step, "; ".join(filter(None, (not_estimated, imbalance)))
-    query = "SELECT max(peak_drift_m_error / peak_drift_m) FROM run_rows"
-    (error,) = store.connection.execute(query).fetchone()
-    estimated = ""
-    if error is not None:
-        estimated = (
-            f"the largest estimated error of a maximum drift is {number_text(100.0 * error, 2)} %"
-        )
-    # Either clause is empty if no run has a result.
-    return step, "; ".join(filter(None, (estimated, imbalance)))
 
 
 def _statistics_chapter(
@@ -280,12 +266,11 @@ def _runs_chapter(store: Store) -> Chapter:
         "BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
     )
     rows = store.connection.execute(query).fetchall()
-    numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "largest_ductility")
-    columns = ("building", "record", "component", *numbers, "status")
-    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers}
-    meanings["peak_drift_m"] = {"unit": "m"}
     shown_rows = rows[:MAX_MOTIONS]
-    table = Table(columns, shown_rows, meanings)
+    numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "largest_ductility")
+    units = dict.fromkeys(("building", "record", "component"), TEXT) | dict.fromkeys(numbers, "1")
+    table = Table.of_units(units | {"peak_drift_m": "m", "status": TEXT}, shown_rows)
+    columns = table.columns
     # The drift ratio is shown if any run has it. The drift is shown as a length only if a run has
     # no drift ratio, because the stories of its building have no heights.
     ratio, length = columns.index("peak_drift_ratio"), columns.index("peak_drift_m")
@@ -508,9 +493,3 @@ def _scaled_motions(
 
 # Every report of a suite states this assumption.
 _SUITE = "means are over the ground motions without collapse"
-
-
-def _pair_rule(store: Store) -> list[str]:
-    """Return a clause on the demand of the two components of a pair; empty without pairs."""
-    rule = store.pair_rule()
-    return [f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []

@@ -28,17 +28,11 @@ _MAX_ROWS = 40
 _MAX_SENTENCES = 3  # maximum number of levels with a separate sentence
 
 
-class _Device(NamedTuple):
-    """Mean peak force, N, and mean stroke, m, of the devices of a building in the story where each
-    is largest; nan without devices. The stroke is the drift of the story."""
-
-    force: float
-    stroke: float
-
-
 class _Variant(NamedTuple):
     """Row of the table: a building at a level. Means are over the common motions, in the story or
-    floor with the largest mean; `ratio` is the mean drift divided by that of the baseline."""
+    floor with the largest mean; `ratio` is the mean drift divided by that of the baseline. The last
+    two values are the mean peak force, N, and the mean stroke, m, of the devices in the story where
+    each is largest; nan without devices. The stroke is the drift of the story."""
 
     profile: Profile
     mean_drift: float = math.nan
@@ -47,7 +41,8 @@ class _Variant(NamedTuple):
     acceleration: float = math.nan
     residual_drift: float = math.nan
     base_shear: float = math.nan
-    device: _Device = _Device(math.nan, math.nan)
+    device_force: float = math.nan
+    device_stroke: float = math.nan
 
     @property
     def collapses(self) -> str:
@@ -121,7 +116,7 @@ def _variants(
                 _largest_mean(common.peaks["peak_absolute_acceleration"]),
                 _largest_mean(residual),
                 float(np.mean(shear)),
-                _device(plan, store, common, base),
+                *_device(plan, store, common, base),
             )
         )
     return rows
@@ -142,7 +137,7 @@ def _largest_mean(values: Array) -> float:
     return float(np.max(means)) if means.size else math.nan
 
 
-def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> _Device:
+def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> tuple[float, float]:
     """Return force and stroke of the devices of a building under its completed motions."""
     numbers = {name: number for number, (name, _) in store.buildings().items()}
     number = numbers[profile.building]
@@ -167,7 +162,7 @@ def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> _Devic
         forces += added if not story.isolator else []
         names = [*(("peak_damper_force",) * has_dashpot), *(("peak_shear",) * story.isolator)]
         forces += [float(np.mean(profile.peaks[name][:, index])) for name in names]
-    return _Device(max(forces, default=math.nan), max(strokes, default=math.nan))
+    return max(forces, default=math.nan), max(strokes, default=math.nan)
 
 
 def _element_forces(
@@ -214,8 +209,8 @@ def _best_text(
     text += f"; mean drift {drift} under {comparison.motions} common motions"
     if not math.isnan(best.ratio) and best.ratio != 1.0:
         text += f", {number_text(best.ratio, 2)} times the baseline"
-    if not math.isnan(best.device.force):
-        text += f"; device force {units.text(best.device.force, 'N')}"
-    if not math.isnan(best.device.stroke):
-        text += f", stroke {units.text(best.device.stroke, 'm')}"
+    if not math.isnan(best.device_force):
+        text += f"; device force {units.text(best.device_force, 'N')}"
+    if not math.isnan(best.device_stroke):
+        text += f", stroke {units.text(best.device_stroke, 'm')}"
     return f"{text}."

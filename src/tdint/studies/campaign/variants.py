@@ -169,26 +169,15 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
         if base is None:
             continue
         for compared in shown.values():
+            level = compared.building, baseline, compared.scale, compared.level
             for quantity in STORY_QUANTITIES:
-                values = (
+                mean, median, largest = (
                     _story_ratios(compared, base, quantity)
                     if comparison.common
                     else [np.full(1 + base.height.size, math.nan)] * 3
                 )
-                mean, median, largest = values
-                result.append(
-                    Ratios(
-                        compared.building,
-                        baseline,
-                        compared.scale,
-                        compared.level,
-                        quantity,
-                        mean=mean,
-                        median=median,
-                        max=largest,
-                        motions=comparison.motions,
-                    )
-                )
+                ratio = Ratios(*level, quantity, mean, median, largest, comparison.motions)
+                result.append(ratio)
     return result
 
 
