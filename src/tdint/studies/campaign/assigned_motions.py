@@ -142,7 +142,7 @@ class FieldMotions:
         settings: GridFile | FieldFile,
         events: tuple[str, ...],
         sites: tuple[str, ...],
-        rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array],
+        rows: tuple[NDArray[Any], ...],
         motions: Sequence[tuple[tuple[int, float], ...]],
         locations: Sequence[tuple[float, float]] = (),
     ) -> FieldMotions:

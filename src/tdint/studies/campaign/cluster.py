@@ -8,14 +8,13 @@ therefore required unless the scheduler runs on this machine.
 from __future__ import annotations
 
 import logging
+import re
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
-from contextlib import suppress
 from ipaddress import ip_address
 from itertools import islice
 from typing import Any
-from urllib.parse import SplitResult, urlsplit
 
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
@@ -45,9 +44,13 @@ def check_address(address: str) -> bool:
     UsageError
         The address is invalid, or an unencrypted connection would leave this machine.
     """
-    parts = _parse_address(address)
-    has_certificates = parts.scheme == "tls"
-    if not (has_certificates or is_loopback(parts.hostname or "")):
+    match = _ADDRESS.fullmatch(address)
+    if not match or not 0 < int(match["port"]) < 2**16:
+        raise UsageError(
+            f"invalid scheduler address {address!r}; expected tcp://HOST:PORT or tls://HOST:PORT"
+        )
+    has_certificates = match["scheme"].lower() == "tls"
+    if not (has_certificates or is_loopback(match["host"].strip("[]").lower())):
         raise UsageError(
             f"{address}: connections to another machine must be encrypted, because anyone who can "
             "connect to the port can execute code; start scheduler and workers with --tls-ca-file, "
@@ -56,22 +59,10 @@ def check_address(address: str) -> bool:
     return has_certificates
 
 
-def _parse_address(address: str) -> SplitResult:
-    """Split a scheduler address into scheme, host and port; raise UsageError if it is invalid."""
-    # For an invalid port, access to `port` raises a ValueError.
-    with suppress(ValueError):
-        parts = urlsplit(address)
-        # An address with a path, a query or a user name is invalid.
-        has_only_host_and_port = (
-            f"{parts.scheme}://{parts.netloc}".lower() == address.lower()
-            and "@" not in parts.netloc
-        )
-        is_complete = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
-        if has_only_host_and_port and is_complete:
-            return parts
-    raise UsageError(
-        f"invalid scheduler address {address!r}; expected tcp://HOST:PORT or tls://HOST:PORT"
-    )
+_ADDRESS = re.compile(
+    r"(?i)(?P<scheme>tcp|tls)://(?P<host>\[[0-9a-f:.%]+\]|[^][@/?#:\s]+):(?P<port>[0-9]{1,5})"
+)
+"""Address of a scheduler, without a path, a query or a user name."""
 
 
 def is_loopback(host: str) -> bool:

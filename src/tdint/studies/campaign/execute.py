@@ -219,32 +219,6 @@ class CampaignRuns(Tabular):
     _content: bytes
     warnings: tuple[str, ...] = ()
 
-    @classmethod
-    def of(
-        cls, store: Store, failures: tuple[TdintError, ...], warnings: tuple[str, ...] = ()
-    ) -> CampaignRuns:
-        """Return the runs of a store. Its contents are copied, so it may be closed or changed
-        afterwards.
-
-        Parameters
-        ----------
-        store : Store
-            Open store.
-        failures : tuple of TdintError
-            Errors of inputs that could not be used.
-        warnings : tuple of str
-            Unusual values of the buildings.
-        """
-        return cls(
-            store.meta("name"),
-            int(store.meta("runs")),
-            store.statuses(),
-            failures,
-            store.checked,
-            store.connection.serialize(),
-            warnings,
-        )
-
     @property
     def store(self) -> Store:
         """Store with the same contents in memory, for a `with` statement that closes it."""
@@ -365,7 +339,16 @@ def campaign(
         except KeyboardInterrupt:
             if not partial:
                 raise
-        return CampaignRuns.of(store, plan.failures, plan.warnings)
+        # The contents are copied, because the store is closed.
+        return CampaignRuns(
+            store.meta("name"),
+            int(store.meta("runs")),
+            store.statuses(),
+            plan.failures,
+            store.checked,
+            store.connection.serialize(),
+            plan.warnings,
+        )
 
 
 _BUILDING_TABLES = ("buildings", "inventory", "building_types")

@@ -6,17 +6,16 @@ from __future__ import annotations
 import json
 import math
 import re
-from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, compress, islice
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import cached_property
 from tdint.csv_table import (
     BLOCK,
     CsvTable,
@@ -230,8 +229,11 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
     events, notes = tuple(rows.events), tuple(dict.fromkeys(records.notes))
-    sites = tuple(rows.sites), rows.arrays(), motions, list(locations.values())
-    field = FieldMotions.from_rows(field_file, events, *sites)
+    site, event, record, _, value = rows.arrays
+    numbers = site, event, record, value
+    field = FieldMotions.from_rows(
+        field_file, events, tuple(rows.sites), numbers, motions, list(locations.values())
+    )
     rates = _rates(field_file.rates, events) if field_file.rates else {}
     return CampaignMotions(tuple(records.motions), tuple(records.failures), notes, field, rates)
 
@@ -282,12 +284,8 @@ class _FieldRows:
     records : dict of (str, str, str) to int
         Number of each record, from 0. The key is the file, the component, and the file of the
         second component.
-    site, event, record : array of int
-        Numbers of the site, the event and the record in each row.
-    value : array of float
-        Factor on the record, or the target intensity of the record (SI units).
-    line : array of int
-        Line of each row in the file.
+    blocks : list of tuples of five ndarray
+        Arrays of `arrays`, for successive blocks of rows.
     """
 
     settings: FieldFile
@@ -298,11 +296,7 @@ class _FieldRows:
     sites: dict[str, int]
     events: dict[str, int] = field(default_factory=dict)
     records: dict[tuple[str, str, str], int] = field(default_factory=dict)
-    site: array[int] = field(default_factory=lambda: array("i"))
-    event: array[int] = field(default_factory=lambda: array("i"))
-    record: array[int] = field(default_factory=lambda: array("i"))
-    value: array[float] = field(default_factory=lambda: array("d"))
-    line: array[int] = field(default_factory=lambda: array("i"))
+    blocks: list[tuple[NDArray[Any], ...]] = field(default_factory=list)
 
     @cached_property
     def indices(self) -> list[int]:
@@ -348,11 +342,10 @@ class _FieldRows:
             rows = zip(cells, event, record, site, texts, values.tolist(), strict=True)
             errors = [self._row_error(*row) for row in rows]
         is_valid = [not error for error in errors]
-        self.site.extend(compress(sites, is_valid))
-        self.event.extend(compress(events, is_valid))
-        self.record.extend(compress(records, is_valid))
-        self.value.frombytes((self.unit * values[is_valid]).tobytes())
-        self.line.extend(compress(lines, is_valid))
+        numbers = (
+            np.array(column, np.int32)[is_valid] for column in (sites, events, records, lines)
+        )
+        self.blocks.append((*numbers, self.unit * values[is_valid]))
         return [
             f"{self.settings.file}:{line}: {error}"
             for line, error in zip(lines, errors, strict=True)
@@ -387,26 +380,24 @@ class _FieldRows:
             return f"{value_column} must not be zero, got {value_text[:40]!r}"
         return ""
 
-    def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
-        """Return the numbers of site, event and record, and the value, of all rows: four arrays of
-        shape (rows,)."""
-        site, event, record = (
-            np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record)
-        )
-        return site, event, record, np.frombuffer(self.value, np.float64)
+    @cached_property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Numbers of site, event and record, line in the file, and value (factor on the record, or
+        its target intensity in SI units) of all rows: five arrays of shape (rows,)."""
+        return tuple(map(np.concatenate, zip(*self.blocks, strict=True)))
 
     def first_uses(self) -> list[tuple[int, str, str, str]]:
         """Return, for each record in the order of the numbers, the line of the first row that uses
         it, its file, its component, and the file of its second component."""
         # `unique` returns the index of the first row of each record, sorted by record.
-        records = np.frombuffer(self.record, np.int32)
-        first_rows = np.unique(records, return_index=True)[1].tolist()
-        return [(self.line[row], *key) for row, key in zip(first_rows, self.records, strict=True)]
+        _, _, record, line, _ = self.arrays
+        first_lines = line[np.unique(record, return_index=True)[1]].tolist()
+        return [(line, *key) for line, key in zip(first_lines, self.records, strict=True)]
 
     def find_duplicates(self) -> list[str]:
         """Return an error message for each row that has the same event and site as an earlier row.
         `file` is the path of the table, for the messages."""
-        site, event, *_ = self.arrays()
+        site, event, _, line, _ = self.arrays
         # Combine event and site into one number. After sorting, duplicates are adjacent; the stable
         # sort keeps the order of their rows.
         combined = event.astype(np.int64) * len(self.sites) + site
@@ -418,12 +409,12 @@ class _FieldRows:
             (int(order[position + 1]), int(order[position]))
             for position in positions[:_MAX_FAULTS].tolist()
         ):
-            name = names[self.site[duplicate]]
+            name = names[site[duplicate]]
             location = f"site {name!r}" if name else "all buildings"
-            event_name = events[self.event[duplicate] - 1]
+            event_name = events[event[duplicate] - 1]
             faults.append(
-                f"{self.settings.file}:{self.line[duplicate]}: event {event_name!r} at "
-                f"{location} is already on line {self.line[first]}; each event can have only one "
+                f"{self.settings.file}:{line[duplicate]}: event {event_name!r} at "
+                f"{location} is already on line {line[first]}; each event can have only one "
                 "record at a site"
             )
         return faults
@@ -470,6 +461,8 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> _FieldRows:
     faults: list[str] = []
     while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):
         faults += rows.add_block(block)
+    if not rows.blocks:
+        raise ModelError(f"{file}: the table has no rows below its header; {needs}")
     del faults[_MAX_FAULTS:]
     faults += rows.find_duplicates()
     if faults:
@@ -478,8 +471,6 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> _FieldRows:
             at_least = "at least " if len(faults) >= _MAX_FAULTS else ""
             messages.append(f"and {at_least}{more} more errors")
         raise ModelError("\n".join(messages))
-    if not rows.line:
-        raise ModelError(f"{file}: the table has no rows below its header; {needs}")
     return rows
 
 
