@@ -225,6 +225,14 @@ class TestComponents:
         path = write(tmp_path / "b", trace(wave()), trace(wave(peak=1.0), location="10"))
         refused(path, r"choose one: XX\.ABC\.00\.HNE, XX\.ABC\.10\.HNE", component="HNE")
         assert read_record(path, component="XX.ABC.10.HNE").pga == 1.0
+        # The stations distinguish the matches, but do not select a component.
+        components = [
+            trace(wave(), channel=code, station=station)
+            for station in ("S1", "S2")
+            for code in ("HNE", "HNN")
+        ]
+        path = write(tmp_path / "c", *components)
+        refused(path, r"choose one: XX\.S1\.00\.HNE, XX\.S2\.00\.HNE", component="HNE")
 
     def test_unselected_components_may_be_invalid(self, tmp_path):
         path = write(tmp_path / "a", trace(wave()), trace([1.0, np.nan, 2.0], channel="HNN"))

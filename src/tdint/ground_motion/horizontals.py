@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeVar
 from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.events import is_same_event, parse_event
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, component_names
 from tdint.number_parsing import abbreviate
 
 _VERTICAL = re.compile(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
@@ -113,7 +113,10 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         raise SingleHorizontal(source, horizontals[0].component)
     if len(horizontals) != 2:
         names = (
-            ", ".join(record.component or record.id or record.source for record in horizontals)
+            ", ".join(
+                name or record.id or record.source
+                for record, name in zip(horizontals, component_names(horizontals), strict=True)
+            )
             or "none"
         )
         raise RecordError(

@@ -8,6 +8,7 @@ import pytest
 
 from cli.test_report import Page
 from csv_rows import rows
+from ground_motion.files import trace, wave, write
 from peer_files import write_at2
 from tdint import studies
 from tdint.ground_motion.record import Record
@@ -94,6 +95,39 @@ def test_a_missing_component_is_reported(folder, tdint):
         *("scale", "RSN1_EQ_GIL067.AT2", "--pairs", "rotd100", "--to", "sa=1g", "--at", "0.3"),
         code=4,
     )
+
+
+@pytest.mark.parametrize("command", ["ida", "run"])
+def test_stations_in_one_file_are_recordings_of_their_own(folder, tdint, command):
+    """Results are those of a file for each station."""
+    (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
+    stations = {
+        station: [
+            trace(wave(400, peak=peak) * np.hanning(400), channel=code, station=station)
+            for code, peak in zip(("HNN", "HNE"), peaks, strict=True)
+        ]
+        for station, peaks in {"S1": (2.0, 1.5), "S2": (1.2, 1.8)}.items()
+    }
+    for name, channels in stations.items():
+        write(folder / f"{name}.mseed", *channels)
+    write(folder / "both.mseed", *stations["S1"], *stations["S2"])
+    table = {"ida": "capacities.csv", "run": "profiles.csv"}[command]
+    found = []
+    for out, files in {"apart": ("S1.mseed", "S2.mseed"), "together": ("both.mseed",)}.items():
+        if command == "ida":
+            tdint("ida", "one.yaml", *files, "--units", "m/s^2", "-o", out, code=0)
+            (function,) = rows(tdint("fragility", out, "--threshold", "1%", code=0).stdout)
+            assert function["motions"] == "2"
+        else:
+            options = ("--units", "m/s^2", "--scale", "1,2", "-o", out)
+            tdint("run", "one.yaml", *files, *options, code=0)
+        found.append(
+            [
+                {name: value for name, value in row.items() if name not in ("record", "component")}
+                for row in rows((folder / out / table).read_text())
+            ]
+        )
+    assert found[0] == found[1]
 
 
 def drift_means(runs, combine):

@@ -588,7 +588,7 @@ def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -
     if matches:
         raise RecordError(
             f"{source}: several components match {component!r}, choose one: "
-            f"{_unambiguous_names(matches)}"
+            f"{_unambiguous_names(matches, channels)}"
         )
     raise RecordError(
         f"{source}: component {component!r} not found; the components are "
@@ -596,15 +596,17 @@ def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -
     )
 
 
-def _unambiguous_names(channels: Sequence[_Channel]) -> str:
-    """Return names that distinguish the channels, for messages: their codes if these are unique,
-    otherwise their stations, otherwise their ids."""
-    codes, ids = [channel.code for channel in channels], [channel.id for channel in channels]
-    stations = [station_of(id) for id in ids]
-    candidates = (codes, stations, ids)
-    return ", ".join(
-        next((names for names in candidates if len(set(names)) == len(names) and all(names)), ids)
+def _unambiguous_names(channels: Sequence[_Channel], others: Sequence[_Channel] = ()) -> str:
+    """Return names that distinguish the channels, also from others of the file, for messages: their
+    codes if these are unique, otherwise their stations, otherwise their ids."""
+    names_of_all = (
+        [channel.code for channel in others or channels],
+        [station_of(channel.id) for channel in others or channels],
     )
+    is_unique = [len(set(names)) == len(names) and all(names) for names in names_of_all]
+    if is_unique[0]:
+        return ", ".join(channel.code for channel in channels)
+    return ", ".join(station_of(channel.id) if is_unique[1] else channel.id for channel in channels)
 
 
 def _to_record(

@@ -44,7 +44,13 @@ from tdint.studies.motions.intensity import (
     geometric_mean,
     unknown_measure,
 )
-from tdint.studies.motions.pairs import LARGER, SEPARATE, PairRule, recording_numbers
+from tdint.studies.motions.pairs import (
+    LARGER,
+    SEPARATE,
+    PairRule,
+    recording_numbers,
+    station_and_code,
+)
 from tdint.studies.store.opening import open_existing
 from tdint.studies.store.result_store import FILE, Store
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
@@ -447,6 +453,12 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     names: list[object] = list(range(len(table.rows)))
     if table.has("record"):
         names = list(motion_names(table.texts("record")))
+        if table.has("component"):  # of several stations in a file; HN1+HN2 is a pair
+            firsts = (component.partition("+")[0] for component in table.texts("component"))
+            names = [
+                (name, station_and_code(first)[0])
+                for name, first in zip(names, firsts, strict=True)
+            ]
     with _store_of_table(table) as store:
         # Without ground motion fields, a column `event` is a column of the inventory, not an event.
         if table.has("event") and (store is None or store.events()):

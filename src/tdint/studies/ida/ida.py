@@ -17,7 +17,7 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.measures import integrate
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, named_components
 from tdint.methods.catalogue import method_of
 from tdint.model.building import Building
 from tdint.model.definition import Model
@@ -314,7 +314,7 @@ def ida(
     # A pair is a motion with two records, which have the same intensity.
     motions_and_records = [(motion, record) for motion in suite for record in components(motion)]
     records = [record for _, record in motions_and_records]
-    _check_record_names([record.name for record in records])
+    _check_record_names([" ".join(filter(None, names)) for names in named_components(records)])
     # Compile before the threads start, because each thread would wait for the compilation.
     subject.prepared.compile([subject.integrator])
     states = _damaged_states(subject, records, mainshock, settings)

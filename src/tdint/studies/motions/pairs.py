@@ -33,7 +33,7 @@ from tdint.ground_motion.horizontals import (
     with_component,
 )
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, named_components
 from tdint.number_parsing import abbreviate, pluralize
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
@@ -79,10 +79,12 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
         Number of the first component of the recording, by the number of the record. For a record
         without a partner, both numbers are equal.
     """
-    records_of_name: dict[str, list[int]] = defaultdict(list)
+    records_of_name: dict[tuple[str, str], list[int]] = defaultdict(list)
     names = motion_names([name for name, _, _ in records.values()])
-    for number, name in zip(records, names, strict=True):
-        records_of_name[name].append(number)
+    codes: dict[int, str] = {}
+    for (number, (_, component, _)), name in zip(records.items(), names, strict=True):
+        station, codes[number] = station_and_code(component)
+        records_of_name[name, station].append(number)
     first_component = {number: number for number in records}
 
     # Two records with the same name apart from the component are one recording, if the directions
@@ -92,8 +94,7 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
         if len(others) == 1:
             (second,) = others
             directions = [
-                records[number][1] or component_in_name(records[number][0])
-                for number in (first, second)
+                codes[number] or component_in_name(records[number][0]) for number in (first, second)
             ]
             if at_right_angles(*directions):
                 first_component[second] = first
@@ -104,6 +105,13 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
         if direction > 1:
             first_component[number] = number - 1
     return first_component
+
+
+def station_and_code(component: str) -> tuple[str, str]:
+    """Return the station and the channel code of an id NET.STA.LOC.CHA, by which the components of
+    several stations in a file are named; a name of another form is a code."""
+    station, _, code = component.rpartition(".")
+    return (station, code) if station.count(".") == 2 else ("", component)
 
 
 @dataclass(frozen=True)
@@ -221,11 +229,9 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
     """
     # Name, component and direction of each single record, by its number. The direction 0 denotes a
     # record that was not read as a component of a pair.
-    singles = {
-        number: (motion.source, motion.component, 0)
-        for number, motion in enumerate(motions)
-        if isinstance(motion, Record)
-    }
+    records = {n: motion for n, motion in enumerate(motions) if isinstance(motion, Record)}
+    names = named_components([*records.values()])
+    singles = {n: (*name, 0) for n, name in zip(records, names, strict=True)}
     recordings = recording_numbers(singles)
     # Number of the second component by the number of the first component
     second_of_first = {first: number for number, first in recordings.items() if number != first}
