@@ -205,6 +205,45 @@ def test_invalid_devices_are_refused(text, message):
         read(text)
 
 
+@pytest.mark.parametrize(
+    "equal, law",
+    [
+        (True, "{type: linear}"),
+        (True, "{type: tanh, strength: 9}"),
+        (True, "{type: bilinear, yield_force: 9, hardening: 0}"),
+        (True, "{type: peak-oriented, yield_force: 9, hardening: 0, unloading: 0}"),
+        (True, "{type: steel, yield_force: 9, hardening: 0}"),
+        (True, "{type: bouc-wen, yield_force: 9, hardening: 0, exponent: 1, beta: 0.5}"),
+        (True, "{type: gap, gap: 1, stop_stiffness: 9, sides: both}"),
+        (True, "{type: multilinear, rule: peak, backbone: [[1, 5]], sides: both}"),
+        (True, "{type: linear, fracture_drift: 2}"),
+        (False, "{type: linear, fracture_drift: {positive: 2, negative: 3}}"),
+        (
+            False,
+            "{type: bouc-wen, yield_force: 9, hardening: 0, exponent: 1, beta: 1, asymmetry: 0.1}",
+        ),
+        (
+            False,
+            "{type: steel, yield_force: 9, hardening: 0, isotropic: {a1: 1, a2: 1, a3: 0, a4: 1}}",
+        ),
+        (False, "{type: gap, gap: 1, stop_stiffness: 9, sides: positive}"),
+        (False, "{type: multilinear, rule: elastic, backbone: [[1, 5]], sides: negative}"),
+        (False, "{type: multilinear, rule: peak, backbone: [[1, 5]], sides: positive}"),
+        (False, "{type: polynomial, coefficients: [5, 1]}"),
+    ],
+)
+def test_only_laws_that_differ_by_direction_need_the_lower_end_first(equal, law):
+    """A law of one side, or with different fractures, acted on the other side in a link from a
+    floor to a lower one; other laws that are equal in both directions were refused."""
+    has_stiffness = "multilinear" not in law and "polynomial" not in law
+    link = f"from: 2, to: 1, law: {law}" + (", stiffness: 5" if has_stiffness else "")
+    if equal:
+        assert read(f"links: [{{{link}}}]").links[0].ends == (2, 1)
+    else:
+        with pytest.raises(ModelError, match="`from` must be below `to` for a law that differs"):
+            read(f"links: [{{{link}}}]")
+
+
 def test_initial_state_of_attachments_and_p_delta_of_their_weight():
     """Attachments move with their floor at the start. Their weight acts in the stories below."""
     model = read(

@@ -32,6 +32,7 @@ from tdint.model.story import MAX_STORIES, Story, column_name
 from tdint.model.story_laws import LAWS, LINEAR, Law
 
 _GROUND = "ground"
+_EQUAL_DIRECTIONS = {"linear", "peak-oriented", "tanh", "trilinear-pinching", "ramberg-osgood"}
 _INERTANCE = Key("inertance", POSITIVE, "not supported: see the message")
 _NO_INERTANCE = (
     "inertance is not supported: an inerter between two floors couples their accelerations; omit it"
@@ -191,13 +192,23 @@ def _read_link(
 def _is_symmetric(section: Section, law: Law) -> bool:
     """Return True if a law is equal in both directions.
 
-    Laws with a group `negative` of parameters are equal in both directions if the file omits it.
+    Laws of plug-ins are equal in both directions if they declare it, or if the file omits their
+    group `negative`.
     """
-    if law == LINEAR or LAWS[law.name].symmetric(law.parameters):
+    declared, entry = LAWS[law.name], section.get("law")
+    if sum(law.fracture):  # the drifts have opposite signs
+        return False
+    if entry is None or declared.symmetric(law.parameters):
         return True
-    has_group = any(parameter.group == "negative" for parameter in LAWS[law.name].parameters)
-    entry = section.get("law")
-    return has_group and entry is not None and entry.peek("negative") is None
+    if any(parameter.group == "negative" for parameter in declared.parameters):
+        sides = entry.peek("sides")
+        return entry.peek("negative") is None and (sides is None or sides.is_word("both"))
+    # The last parameters state if these laws differ.
+    if law.name == "bouc-wen":
+        return law.parameters[-1] == 0.0
+    if law.name == "steel":
+        return law.parameters[-4:-2] == law.parameters[-2:]
+    return law.name in _EQUAL_DIRECTIONS
 
 
 def _read_end(
