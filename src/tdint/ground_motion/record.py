@@ -138,6 +138,8 @@ class Record(Tabular):
     origin : MotionOrigin or None
         Seed, target and changes of a motion that `tdint match` or `tdint info --export` wrote;
         None for other files.
+    is_one_of_several : bool
+        The file has further channels with the name of this component.
     """
 
     acceleration: NDArray[np.float64]
@@ -158,6 +160,7 @@ class Record(Tabular):
     peaks: tuple[float | None, float | None] = (None, None)
     event: str = ""
     origin: MotionOrigin | None = None
+    is_one_of_several: bool = False
 
     def _headline(self) -> str:
         """Return the name, number of samples, sampling interval and peak ground acceleration."""
@@ -198,7 +201,7 @@ class Record(Tabular):
     @property
     def name(self) -> str:
         """File name and component name separated by a space; an unknown name is omitted."""
-        return " ".join(filter(None, (self.source, self.component)))
+        return " ".join(filter(None, (self.source, *component_names([self]))))
 
     @property
     def written_origin(self) -> MotionOrigin:
@@ -289,7 +292,8 @@ def _validated_samples(acceleration: Any, source: str) -> NDArray[np.float64]:
 
 
 def component_names(records: Sequence[Record]) -> list[str]:
-    """Return a name for each record that distinguishes it from the other records of its file.
+    """Return a name for each record that distinguishes it from the other channels of its file, also
+    from those that were not read or not selected.
 
     The name is the component. If several channels of a file have the same component, the name is
     the id NET.STA.LOC.CHA, or only the station code for motions exported by tdint, where the
@@ -305,8 +309,8 @@ def component_names(records: Sequence[Record]) -> list[str]:
         station = station_of(record.id)
         is_floor = location == [SI_LOCATION] and station_count[record.source, station] == 1
         unique_name = station if is_floor else record.id
-        is_unique = channel_count[record.source, record.component] == 1
-        names.append(record.component if is_unique else unique_name)
+        is_shared = channel_count[record.source, record.component] > 1 or record.is_one_of_several
+        names.append(unique_name if is_shared else record.component)
     return names
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from csv_rows import rows
 from facts import states
+from ground_motion.files import trace, write
 from tdint.ground_motion.measures import MEASURES
 from tdint.studies.motions.intensity import AVERAGE
 
@@ -488,3 +489,25 @@ def test_a_value_of_any_measure_of_the_registry_is_a_target(folder, tdint, value
     assert message in result.stderr
     if not message:
         assert "scaled to pgd = 0.05 m" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "options",
+    [("--component", "XX.S2.00.HNE", *PGA), ("--select", "2", *TARGET, "--range", "0.2:1")],
+)
+def test_a_part_of_the_channels_of_a_file_has_names_that_select_them(folder, tdint, options):
+    """The names were those of all channels of the file with the same code."""
+    noise = np.random.default_rng(0).normal(size=(4, 600)) * np.hanning(600)
+    names = [(station, code) for station in ("S1", "S2") for code in ("HNE", "HNN")]
+    channels = [
+        trace(samples, channel=code, station=station)
+        for samples, (station, code) in zip(noise, names, strict=True)
+    ]
+    write(folder / "stations.mseed", *channels)
+    tdint("scale", "stations.mseed", *UNITS, *options, "-o", "suite.csv", code=0)
+    factors = rows(folder / "suite.csv")
+    runs = rows(
+        tdint("run", "shaken.yaml", "--factors", "suite.csv", *UNITS, "-o", "o", code=0).stdout
+    )
+    assert [row["component"] for row in runs] == [row["component"] for row in factors]
+    assert all(row["component"].startswith("XX.S") for row in runs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -75,12 +76,15 @@ class _Channel(NamedTuple):
         Name of the file, or of the file in an archive.
     id : str
         Common id of the traces, NET.STA.LOC.CHA.
+    is_one_of_several : bool
+        Other channels of the file have the same code.
     """
 
     source: str
     contents: Contents
     id: str
     traces: tuple[Any, ...]
+    is_one_of_several: bool = False
 
     @property
     def code(self) -> str:
@@ -528,6 +532,11 @@ def _select_components(
         channel for part, contents in parts for channel in _group_by_channel(part, contents)
     ]
     components = _without_exported_integrals(components, (component or "").strip().upper())
+    counts = Counter((channel.source, channel.code) for channel in components)
+    components = [
+        channel._replace(is_one_of_several=counts[channel.source, channel.code] > 1)
+        for channel in components
+    ]
     if component is not None:
         components = [_choose_channel(components, component, name)]
     elif single and len(components) > 1:
@@ -677,6 +686,7 @@ def _to_record(
         header_checks=contents.compared,
         peaks=trace.stats.get("tdint_peaks", (None, None)) if instruments is None else (None, None),
         event=_event(trace),
+        is_one_of_several=channel.is_one_of_several,
     )
 
 

@@ -62,8 +62,9 @@ def scaled_table(scaling: Scaling) -> Table:
             "target"
         )
     spectra = scaling.spectra(periods)
+    names = iter(component_names([r for motion in scaling.motions for r in components(motion)]))
     curves = [
-        ("scaled", motion.source, motion.component, psa)
+        ("scaled", motion.source, "+".join(next(names) for _ in components(motion)), psa)
         for motion, psa in zip(scaling.motions, spectra, strict=True)
     ]
     # Mean and target follow after the ground motions; they have no record and component.
