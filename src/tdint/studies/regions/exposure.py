@@ -9,7 +9,7 @@ columns of an inventory for each taxonomy.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -286,7 +286,19 @@ class _Assets:
             if not values.get(coordinate):
                 fault(coordinate, "is missing; give degrees")
         building_count = nonnegative(NUMBER)
-        cost_cells = [repr(self._cost(building_count, nonnegative, fault))] if self.has_cost else []
+        cost_cells = []
+        if self.has_cost:
+            cost, cost_type = nonnegative(_STRUCTURAL), self._model.cost_type
+            if cost_type == _PER_AREA:
+                cost *= nonnegative("area")
+                cost_type = self._model.area_type
+            # An aggregated cost is the total of all buildings of the asset, with equal shares.
+            if cost_type == _AGGREGATED and cost > 0.0:
+                if building_count == 0.0:
+                    fault(NUMBER, "must be positive because the structural cost is positive, got 0")
+                else:
+                    cost /= building_count
+            cost_cells = [repr(cost)]
         # The method `check` reports all taxonomies without a row in the mapping table together.
         mapped_cells = self._mapped_cells.get(taxonomy)
         if mapped_cells is None:
@@ -306,28 +318,6 @@ class _Assets:
                 *tag_cells,
             ]
             self.rows.append((line, cells))
-
-    def _cost(
-        self,
-        count: float,
-        nonnegative: Callable[[str], float],
-        fault: Callable[[str, str], None],
-    ) -> float:
-        """Return the structural cost of one building of an asset. `nonnegative` returns the number
-        in a field and reports an error if it is negative; `fault` reports an error (field,
-        message).
-        """
-        value, cost_type = nonnegative(_STRUCTURAL), self._model.cost_type
-        if cost_type == _PER_AREA:
-            value *= nonnegative("area")
-            cost_type = self._model.area_type
-        # An aggregated cost is the total of all buildings of the asset; each has an equal share.
-        if cost_type == _AGGREGATED and value > 0.0:
-            if count == 0.0:
-                fault(NUMBER, "must be positive because the structural cost is positive, got 0")
-                return 0.0
-            return value / count
-        return value
 
     def check(self) -> None:
         """Raise ModelError if an asset has an error, or the mapping table lacks a taxonomy."""
@@ -364,7 +354,7 @@ def _parse(source: str, data: bytes) -> _ExposureModel:
         )
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        """Store the attributes of an element when its start tag is read."""
+        """Store the attributes of an element in `model` when its start tag is read."""
         local = name.rpartition(" ")[2]  # expat writes the namespace and a blank before the name
         path.append(local)
         texts.clear()
@@ -372,7 +362,38 @@ def _parse(source: str, data: bytes) -> _ExposureModel:
             raise ModelError(
                 f"{source}: must contain an exposureModel, got {'/'.join(path)[:60]}; {_REQUIRED}"
             )
-        _store_element(source, parser.CurrentLineNumber, path, attributes, model)
+        parent = path[-2] if len(path) > 1 else ""
+        last_asset = model.assets[-1][1] if model.assets else {}
+        if local == "costType" and attributes.get("name") == _STRUCTURAL:
+            model.cost_type = known_type(attributes, _COST_TYPES)
+        elif local == "area" and parent == "conversions":
+            model.area_type = known_type(attributes, _AREA_TYPES)
+        elif local == "field":
+            # The element <field oq="area" input="sqm"/> assigns the column sqm to the field area.
+            # In <field oq="value" type="structural" input="cost"/> the name of the field is the
+            # cost type, here structural, because the fields of all cost types are named value.
+            oq_field = attributes.get("oq", "")
+            field_name = attributes.get("type", "") if oq_field == "value" else oq_field
+            model.fields[field_name] = attributes.get("input", "")
+        elif local == "asset":
+            model.assets.append((parser.CurrentLineNumber, dict(attributes)))
+        elif local == "location" and parent == "asset":
+            last_asset |= {name: attributes.get(name, "") for name in ("lon", "lat")}
+        elif local == "cost" and attributes.get("type") == _STRUCTURAL:
+            last_asset[_STRUCTURAL] = attributes.get("value", "")
+        elif local == "tags":
+            # Tags must not overwrite fields of the asset.
+            last_asset.update({tag: text for tag, text in attributes.items() if tag not in _FIELDS})
+
+    def known_type(attributes: Mapping[str, str], allowed: Sequence[str]) -> str:
+        """Return the type of costs or areas; raise ModelError if it is unknown."""
+        text = attributes.get("type", "")
+        if text not in allowed:
+            raise ModelError(
+                f"{source}:{parser.CurrentLineNumber}: type must be one of {', '.join(allowed)}, "
+                f"got {text[:40]!r}"
+            )
+        return text
 
     def end(_: str) -> None:
         """Store the text of an element when its end tag is read."""
@@ -399,46 +420,3 @@ def _parse(source: str, data: bytes) -> _ExposureModel:
             f"areas; add <area type=...> with {' or '.join(_AREA_TYPES)} to <conversions>"
         )
     return model
-
-
-def _store_element(
-    source: str,
-    line: int,
-    path: Sequence[str],
-    attributes: Mapping[str, str],
-    model: _ExposureModel,
-) -> None:
-    """Store the attributes of an element of an exposure model in `model`. ModelError is raised if
-    the type of costs or areas is unknown.
-    """
-    name, parent = path[-1], path[-2] if len(path) > 1 else ""
-    last_asset = model.assets[-1][1] if model.assets else {}
-    if name == "costType" and attributes.get("name") == _STRUCTURAL:
-        model.cost_type = _choice(source, line, attributes.get("type", ""), _COST_TYPES)
-    elif name == "area" and parent == "conversions":
-        model.area_type = _choice(source, line, attributes.get("type", ""), _AREA_TYPES)
-    elif name == "field":
-        # The element <field oq="area" input="sqm"/> assigns the column sqm to the field area. In
-        # <field oq="value" type="structural" input="cost"/> the name of the field is the cost type,
-        # here structural, because the fields of all cost types are named value.
-        oq_field = attributes.get("oq", "")
-        field_name = attributes.get("type", "") if oq_field == "value" else oq_field
-        model.fields[field_name] = attributes.get("input", "")
-    elif name == "asset":
-        model.assets.append((line, dict(attributes)))
-    elif name == "location" and parent == "asset":
-        last_asset |= {name: attributes.get(name, "") for name in ("lon", "lat")}
-    elif name == "cost" and attributes.get("type") == _STRUCTURAL:
-        last_asset[_STRUCTURAL] = attributes.get("value", "")
-    elif name == "tags":
-        # Tags must not overwrite fields of the asset.
-        last_asset.update({tag: text for tag, text in attributes.items() if tag not in _FIELDS})
-
-
-def _choice(source: str, line: int, text: str, allowed: Sequence[str]) -> str:
-    """Return a type of costs or areas; raise ModelError if it is unknown."""
-    if text not in allowed:
-        raise ModelError(
-            f"{source}:{line}: type must be one of {', '.join(allowed)}, got {text[:40]!r}"
-        )
-    return text

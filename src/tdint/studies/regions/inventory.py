@@ -722,29 +722,34 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     # building that is derived by the rules.
     for story in building.stories:
         if isinstance(building, DerivedBuilding):
-            named_values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
-            law = ", ".join(
-                [
-                    f"type: {story.law.name}",
-                    *(f"{key.name}: {value!r}" for key, value in named_values),
-                ]
-            )
+            keys = [key.name for key in LAWS[story.law.name].parameters]
+            law = {"type": story.law.name} | dict(zip(keys, story.law.parameters, strict=True))
         else:
-            law = _multilinear_text(story, building.degradation)
+            law = _multilinear_keys(story, building.degradation)
         lines += [f"  - mass: {story.mass!r}", f"    height: {story.height!r}"]
-        lines += [f"    stiffness: {story.stiffness!r}", f"    law: {{{law}}}"]
+        lines += [f"    stiffness: {story.stiffness!r}", f"    law: {_flow_text(law)}"]
     damping = building.damping
+    form: dict[str, Any]
     if isinstance(damping, RayleighRatio):
-        form = f"ratio: {damping.ratios[0]!r}, modes: [{damping.modes[0]}, {damping.modes[1]}]"
+        form = {"ratio": damping.ratios[0], "modes": list(damping.modes)}
     else:
-        form = f"mass: {damping.mass!r}, stiffness: {damping.stiffness!r}"
+        form = {"mass": damping.mass, "stiffness": damping.stiffness}
     return "\n".join(
-        [*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""]
+        [*lines, f"damping: {_flow_text({'rayleigh': form})}", "analysis: {method: impulse4}", ""]
     )
 
 
-def _multilinear_text(story: Story, degradation: bool) -> str:
-    """Return the hysteretic law `multilinear-pinching` of a story as text of a model file.
+def _flow_text(value: Any) -> str:
+    """Return a value as YAML in one line; texts are written without quotation marks."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{name}: {_flow_text(item)}' for name, item in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_flow_text, value))}]"
+    return value if isinstance(value, str) else repr(value)
+
+
+def _multilinear_keys(story: Story, degradation: bool) -> dict[str, Any]:
+    """Return the hysteretic law `multilinear-pinching` of a story by the keys of a model file.
 
     The parameters of the law are: 0 to 15, the backbone of each direction (drift and force of four
     points); 16 to 21, the pinching of each direction (3 values); 22, the ultimate drift; 23 to 37,
@@ -752,28 +757,21 @@ def _multilinear_text(story: Story, degradation: bool) -> str:
     the first direction is written, because `CapacityBuilding.stories` makes the laws symmetric.
     """
     parameters = story.law.parameters
-    points = ", ".join(
-        f"[{point_drift!r}, {point_force!r}]"
-        for point_drift, point_force in zip(parameters[0:8:2], parameters[1:8:2], strict=True)
-    )
-    drift, force, unloading = parameters[16:19]
-    law_text = (
-        f"type: multilinear-pinching, backbone: [{points}], pinching: {{drift: {drift!r}, force: "
-        f"{force!r}, unloading: {unloading!r}}}, ultimate_drift: {parameters[22]!r}"
-    )
+    law = {
+        "type": "multilinear-pinching",
+        "backbone": [list(parameters[first : first + 2]) for first in range(0, 8, 2)],
+        "pinching": dict(zip(("drift", "force", "unloading"), parameters[16:19], strict=True)),
+        "ultimate_drift": parameters[22],
+    }
     # Parameters of degradation are omitted if the law does not degrade.
-    if not degradation:
-        return law_text
-    names = ("peak", "work", "peak_exponent", "work_exponent", "limit")
-    groups = []
-    for quantity_index, quantity in enumerate(("stiffness", "drift", "strength")):
-        values = zip(
-            names, parameters[23 + 5 * quantity_index : 28 + 5 * quantity_index], strict=True
-        )
-        groups.append(
-            f"{quantity}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}"
-        )
-    return f"{law_text}, degradation: {{{', '.join(groups)}, capacity: {parameters[38]!r}}}"
+    if degradation:
+        names = ("peak", "work", "peak_exponent", "work_exponent", "limit")
+        groups: dict[str, Any] = {
+            quantity: dict(zip(names, parameters[first : first + 5], strict=True))
+            for quantity, first in (("stiffness", 23), ("drift", 28), ("strength", 33))
+        }
+        law["degradation"] = groups | {"capacity": parameters[38]}
+    return law
 
 
 def inventory(
