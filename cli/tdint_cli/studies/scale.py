@@ -462,26 +462,6 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
     }
 
 
-def _limit_line(scaling: Scaling) -> str:
-    """Return a line on scale factors that are equal to a limit of --factor-range.
-
-    The line counts selected and other ground motions. It is empty without such factors.
-    """
-    low, high = scaling.limits
-    if not scaling.at_limit and not scaling.others_at_limit:
-        return ""
-    text = (
-        f"\nAt a limit of the factors ({low:g} to {high:g}): {len(scaling.at_limit)} of "
-        f"{len(scaling.factors)} selected"
-    )
-    if scaling.at_limit:
-        listed = abbreviate([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
-        text += f" ({listed})"
-    if scaling.unselected_spectra is not None and len(scaling.unselected_spectra):
-        text += f", {scaling.others_at_limit} of {len(scaling.unselected_spectra)} others"
-    return f"{text}."
-
-
 def _summary_text(scaling: Scaling, units: OutputUnits) -> str:
     """Return the summary on standard error: number of records, target and factors."""
     import numpy as np
@@ -535,4 +515,17 @@ def _selection_text(scaling: Scaling) -> str:
     )
     reasons = ", ".join(f"{count} {reason}" for reason, count in scaling.left_out.items() if count)
     text += f"Not considered: {reasons}." if reasons else "No motion was omitted."
-    return text + _limit_line(scaling)
+    # Factors that are equal to a limit of --factor-range, of selected and of other ground motions
+    if scaling.at_limit or scaling.others_at_limit:
+        low, high = scaling.limits
+        text += (
+            f"\nAt a limit of the factors ({low:g} to {high:g}): {len(scaling.at_limit)} of "
+            f"{len(scaling.factors)} selected"
+        )
+        if scaling.at_limit:
+            listed = abbreviate([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
+            text += f" ({listed})"
+        if len(remaining):
+            text += f", {scaling.others_at_limit} of {len(remaining)} others"
+        text += "."
+    return text

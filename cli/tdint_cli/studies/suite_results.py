@@ -418,7 +418,18 @@ class SuiteResults:
         sentence lists the buildings; the table of limits contains the values.
         """
         if len({profile.building for profile in self.profiles}) > 1:
-            yield from self._common_verdict(units)
+            outcomes: dict[str, bool] = {}
+            for profile, verdict in self.verdicts(units):
+                if verdict.met is not None:
+                    name = self.building(profile)
+                    outcomes[name] = outcomes.get(name, True) and verdict.met
+            lists = [
+                f"{text} {abbreviate([name for name, met in outcomes.items() if met is wanted], 8)}"
+                for text, wanted in (("met by", True), ("exceeded by", False))
+                if wanted in outcomes.values()
+            ]
+            if lists:
+                yield all(outcomes.values()), f"Limits {'; '.join(lists)}."
             return
         for profile, verdict in self.verdicts(units):
             outcome = outcome_text(bool(verdict.met)) if verdict.single_limit else ""
@@ -427,21 +438,6 @@ class SuiteResults:
             text = isolator_sentence(profile.isolator_check, units, mean=True)
             if text and not self.is_limited(profile):
                 yield None, self.named(profile, text)
-
-    def _common_verdict(self, units: OutputUnits) -> Iterator[tuple[bool, str]]:
-        """Yield the sentence on the buildings that meet their limits and that do not."""
-        outcomes: dict[str, bool] = {}
-        for profile, verdict in self.verdicts(units):
-            if verdict.met is not None:
-                name = self.building(profile)
-                outcomes[name] = outcomes.get(name, True) and verdict.met
-        lists = [
-            f"{text} {abbreviate([name for name, met in outcomes.items() if met is wanted], 8)}"
-            for text, wanted in (("met by", True), ("exceeded by", False))
-            if wanted in outcomes.values()
-        ]
-        if lists:
-            yield all(outcomes.values()), f"Limits {'; '.join(lists)}."
 
     def building(self, profile: Profile) -> str:
         """Return the name of a profile, which is empty if there is only a single profile."""

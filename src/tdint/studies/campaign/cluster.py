@@ -97,8 +97,45 @@ def on_cluster(
         also raised here.
     """
     client = _connect(address)
+    # Imported after the connection, which reports that Dask is not installed.
+    from distributed import KilledWorker, as_completed
+
+    # Workers may not have the user's plug-ins, so the plug-in files are sent with every chunk.
+    plugins, remaining = files_to_send(), iter(numbers)
+    running = as_completed(loop=client.loop)
+
+    def submit_more(pending: int) -> int:
+        """Submit further chunks and return the number of pending chunks.
+
+        `pending` is the number of chunks that are submitted and not completed. Its limit exceeds
+        the number of threads, so that no worker is idle.
+        """
+        # Workers may join and leave, so the number of threads is requested each time.
+        threads_by_worker: dict[str, int] = client.nthreads()
+        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads_by_worker.values()))
+        # A chunk is created when it is submitted: all chunks together may not fit in memory.
+        for number in islice(remaining, max(0, limit - pending)):
+            # With `pure=False`, Dask does not search for equal chunks to reuse their results.
+            running.add(
+                client.submit(run_chunk_with_plugins, plugins, chunk(number), pure=False, retries=0)
+            )
+            pending += 1
+        return pending
+
     try:
-        yield from _results(client, chunk, iter(numbers))
+        pending = submit_more(0)
+        for future in running:
+            try:
+                result: ChunkResult = future.result()
+            except KilledWorker as error:
+                raise AnalysisError(
+                    f"workers of the cluster failed repeatedly during the same runs: {error}; the "
+                    "logs of the workers state the reason, such as insufficient memory"
+                ) from None
+            # The result was transferred; let the scheduler free its memory.
+            future.release()
+            yield result
+            pending = submit_more(pending - 1)
     finally:
         client.close()
 
@@ -192,49 +229,3 @@ def _security(configured: Any, address: str) -> Any:
         except OSError as error:
             raise UsageError(f"{file}: cannot read the file: {error.strerror or error}") from None
     return configured
-
-
-def _results(
-    client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]
-) -> Iterator[ChunkResult]:
-    """Submit the remaining chunks to the workers and yield their results in order of completion.
-    AnalysisError is raised if workers failed repeatedly, for example because their memory was
-    exhausted.
-    """
-    from distributed import KilledWorker, as_completed
-
-    # Workers may not have the user's plug-ins, so the plug-in files are sent with every chunk.
-    plugins = files_to_send()
-    running = as_completed(loop=client.loop)
-
-    def submit_more(pending: int) -> int:
-        """Submit further chunks and return the number of pending chunks.
-
-        `pending` is the number of chunks that are submitted and not completed. Its limit exceeds
-        the number of threads, so that no worker is idle.
-        """
-        # Workers may join and leave, so the number of threads is requested each time.
-        threads_by_worker: dict[str, int] = client.nthreads()
-        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads_by_worker.values()))
-        # A chunk is created when it is submitted: all chunks together may not fit in memory.
-        for number in islice(numbers, max(0, limit - pending)):
-            # With `pure=False`, Dask does not search for equal chunks to reuse their results.
-            running.add(
-                client.submit(run_chunk_with_plugins, plugins, chunk(number), pure=False, retries=0)
-            )
-            pending += 1
-        return pending
-
-    pending = submit_more(0)
-    for future in running:
-        try:
-            result: ChunkResult = future.result()
-        except KilledWorker as error:
-            raise AnalysisError(
-                f"workers of the cluster failed repeatedly during the same runs: {error}; the logs "
-                "of the workers state the reason, such as insufficient memory"
-            ) from None
-        # The result was transferred; let the scheduler free its memory.
-        future.release()
-        yield result
-        pending = submit_more(pending - 1)

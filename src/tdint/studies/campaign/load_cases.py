@@ -125,7 +125,14 @@ def read_load_cases(
                 f"{pluralize(count, 'floor')}; remove the floor, or use {ROOF} for the highest "
                 "floor of each building"
             )
-    unit = _unit_without_name(models)
+    # Columns without a unit have the unit of force of all models; a text is the reason why the
+    # columns require a unit.
+    unit: float | str = "the buildings of an inventory have no unit of force"
+    if models:
+        first, *others = sorted({model.force_unit for model in models})
+        unit = FORCE[first]
+        if others:
+            unit = f"the models have different units of force: {', '.join([first, *others])}"
     motions, failures = list[SuiteMotion](), list[TdintError]()
     for file in requested.files:
         try:
@@ -138,14 +145,3 @@ def read_load_cases(
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
     return CampaignMotions(tuple(motions), tuple(failures))
-
-
-def _unit_without_name(models: Sequence[Model]) -> float | str:
-    """Return the factor to N of columns without a unit: the unit of force of all models. The result
-    is the reason why a unit is required if the models have different units."""
-    names = sorted({model.force_unit for model in models})
-    if len(names) == 1:
-        return FORCE[names[0]]
-    if not names:
-        return "the buildings of an inventory have no unit of force"
-    return f"the models have different units of force: {', '.join(names)}"

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
@@ -144,7 +143,15 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
         power = math.floor(math.log10(largest)) if largest > 0.0 else 0
         power = 0 if abs(power) <= _MAX_PLAIN_POWER else power
         error = 10.0**-power * errors[number] if errors is not None else None
-        _draw_derivative(axes, 10.0**-power * values, error)
+        values, stories = 10.0**-power * values, np.arange(values.size) + 1.0
+        axes.barh(stories, values, height=0.62, color=LIGHT)
+        style = {"fmt": "o", "color": INK, "markersize": 3.0, "capsize": 2.0}
+        axes.errorbar(values, stories, xerr=error, **style)
+        axes.axvline(0.0, color=INK, linewidth=0.8)
+        axes.set_ylim(0.5, values.size + 0.5)
+        axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+        axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+        axes.grid(axis="y", visible=False)
         unit = f"1e{power} SI units" if power else "SI units"
         axes.set_xlabel(f"derivative with respect to\n{name} ({unit})")
         axes.set_ylabel("story" if number % columns == 0 else "")
@@ -156,19 +163,3 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
     if len(shown) < count:
         title += f"; the first {len(shown)} of {count} parameters"
     return titled(figure, title)
-
-
-def _draw_derivative(axes: Any, values: Array, errors: Array | None) -> None:
-    """Plot the derivative of the peak drift of each story as a bar, with its estimated error.
-
-    `values` contains the derivatives in the unit of the axis. `errors` contains the estimated
-    errors; None if they were not estimated.
-    """
-    stories = np.arange(values.size) + 1.0
-    axes.barh(stories, values, height=0.62, color=LIGHT)
-    axes.errorbar(values, stories, xerr=errors, fmt="o", color=INK, markersize=3.0, capsize=2.0)
-    axes.axvline(0.0, color=INK, linewidth=0.8)
-    axes.set_ylim(0.5, values.size + 0.5)
-    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
-    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
-    axes.grid(axis="y", visible=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -147,7 +147,12 @@ def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> tuple[
     for index, base_index in story_pairs(profile, base):
         laws_of_base[index] = {item.law.name for item in base_model.stories[base_index].springs}
     forces, strokes = [], []
-    element_forces = _element_forces(store, number, profile)
+    # Mean peak force, N, of each element by its story (from 1) and name, over the motions
+    columns = "story, element, peak_force_N"
+    values: dict[tuple[int, str], dict[Run, float]] = defaultdict(dict)
+    for run, story, element, force in store.values_of_runs("element_rows", columns, number):
+        values[story, element][run] = force
+    element_forces = {key: float(np.mean(profile.demands(runs))) for key, runs in values.items()}
     for index, story in enumerate(model.stories):
         has_dashpot = bool(story.dashpot or story.power_dashpot)
         added = [
@@ -163,18 +168,6 @@ def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> tuple[
         names = [*(("peak_damper_force",) * has_dashpot), *(("peak_shear",) * story.isolator)]
         forces += [float(np.mean(profile.peaks[name][:, index])) for name in names]
     return max(forces, default=math.nan), max(strokes, default=math.nan)
-
-
-def _element_forces(
-    store: Store, building: int, profile: Profile
-) -> Mapping[tuple[int, str], float]:
-    """Return the mean peak force, N, of each element by its story (from 1) and name, over the
-    completed motions of a profile."""
-    columns = "story, element, peak_force_N"
-    forces: dict[tuple[int, str], dict[Run, float]] = defaultdict(dict)
-    for run, story, element, force in store.values_of_runs("element_rows", columns, building):
-        forces[story, element][run] = force
-    return {key: float(np.mean(profile.demands(of_run))) for key, of_run in forces.items()}
 
 
 def _best_text(

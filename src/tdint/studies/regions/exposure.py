@@ -200,36 +200,11 @@ class _Assets:
 
     def read_csv(self, file_name: str) -> None:
         """Read the assets of a CSV file and add their rows or errors. ModelError is raised if the
-        file cannot be read, lacks a column, or has a row with too many cells.
+        file cannot be read, lacks a column, has a cost without a cost type, or has a row with too
+        many cells.
         """
         table, rows = stream_table(file_name, _REQUIRED, columns=(), read_first=True)
         field_columns = {name: self._column_index(table, name) for name in _FIELDS}
-        self._check_fields(file_name, table, field_columns)
-        column_indices = {
-            tag: table.header.index(tag.lower()) for tag in self._tags if table.has(tag)
-        }
-        for name, index in field_columns.items():
-            if index is not None:
-                column_indices[name] = index
-        for line, cells in rows:
-            if error := table.surplus(cells):
-                raise ModelError(f"{file_name}:{line}: {error}")
-            # A row may have fewer cells than the header; its last fields are then missing.
-            values = {
-                name: cells[index].strip()
-                for name, index in column_indices.items()
-                if index < len(cells)
-            }
-            self.add(file_name, line, values)
-
-    def _check_fields(
-        self, file_name: str, table: CsvTable, field_columns: Mapping[str, int | None]
-    ) -> None:
-        """Raise ModelError if a CSV file lacks a column, or has a cost without a cost type.
-
-        `field_columns` is the index of the column of each field of `_FIELDS`; None without a
-        column.
-        """
         # The first five fields are required in any case, cost and area only for some cost types.
         missing = [name for name in _FIELDS[:5] if field_columns[name] is None]
         cost_type, cost_column = self._model.cost_type, field_columns[_STRUCTURAL]
@@ -248,6 +223,22 @@ class _Assets:
             )
         if missing:
             table.need(*missing)
+        column_indices = {
+            tag: table.header.index(tag.lower()) for tag in self._tags if table.has(tag)
+        }
+        for name, index in field_columns.items():
+            if index is not None:
+                column_indices[name] = index
+        for line, cells in rows:
+            if error := table.surplus(cells):
+                raise ModelError(f"{file_name}:{line}: {error}")
+            # A row may have fewer cells than the header; its last fields are then missing.
+            values = {
+                name: cells[index].strip()
+                for name, index in column_indices.items()
+                if index < len(cells)
+            }
+            self.add(file_name, line, values)
 
     def _column_index(self, table: CsvTable, field_name: str) -> int | None:
         """Return the index of the column of a field; None if the file does not contain it."""

@@ -162,7 +162,12 @@ def read_inventory(
         # a building.
         taxonomies = read_mapping(mapping)
         taxonomies.need(*needed[1:])
-        _check_mapping(_Table(taxonomies, *arguments))
+        # Read the mapping table as an inventory: rename the column `taxonomy` to `id`.
+        header = tuple("id" if name == TAXONOMY else name for name in taxonomies.header)
+        renamed = _Table(replace(taxonomies, header=header, titles=header), *arguments)
+        renamed.read(iter(taxonomies.rows))
+        if faults := _separate_valid_rows(renamed)[1]:
+            raise ModelError(faults)
         table, rows = stream_exposure(source, taxonomies, columns)
     inventory_table = _Table(table, *arguments)
     # `read` accepts a header without the required columns; `need` raises ModelError if a column is
@@ -170,18 +175,6 @@ def read_inventory(
     inventory_table.read(rows)
     table.need(*needed)
     return _separate_valid_rows(inventory_table)
-
-
-def _check_mapping(mapping_table: _Table) -> None:
-    """Raise ModelError if a row of a mapping table does not define a building."""
-    # Read the mapping table as an inventory: rename the column `taxonomy` to `id`.
-    header = tuple("id" if name == TAXONOMY else name for name in mapping_table.table.header)
-    mapping_table = replace(
-        mapping_table, table=replace(mapping_table.table, header=header, titles=header)
-    )
-    mapping_table.read(iter(mapping_table.table.rows))
-    if faults := _separate_valid_rows(mapping_table)[1]:
-        raise ModelError(faults)
 
 
 def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:

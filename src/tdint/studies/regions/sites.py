@@ -83,6 +83,10 @@ _COMPONENTS = {"data_x": "x", "data_y": "y"}
 _SECOND_FILE = "record_2"
 """Column with the file of the second component, for pairs of files with different names."""
 
+_POINT_FORMAT = (
+    "the file of a grid point is a CSV file with the column TH_file and, optionally, factor"
+)
+
 Value = TypeVar("Value")
 
 
@@ -152,7 +156,9 @@ def _read_points(
     point_motions = []
     for file in files:
         motions_at_point: list[PointMotion] = []
-        for name, factor in _listed_records(str(folder / file)):
+        table = read_table(str(folder / file), _POINT_FORMAT, columns=("TH_file", "factor"))
+        names = table.texts("TH_file", empty=False)
+        for name, factor in zip(names, factors_in(table), strict=True):
             if name not in components_by_record:
                 first_number = len(motions)
                 try:
@@ -595,7 +601,17 @@ class _FieldRecords:
             # similar name.
             suite = read_pairs([file], choice)
             if any(isinstance(error, SingleHorizontal) for error in suite.failures):
-                suite = read_pairs(self._component_files(file), choice)
+                # The names of the files of a ground motion differ only in the component. Read each
+                # directory a single time.
+                directory = Path(file).parent
+                if directory not in self._motion_names:
+                    files = list(map(str, sorted(directory.iterdir())))
+                    names = dict(zip(files, motion_names(files), strict=True))
+                    self._motion_names[directory] = names
+                names = self._motion_names[directory]
+                motion_name = names.get(str(Path(file)))
+                files = [other for other, name in names.items() if name == motion_name]
+                suite = read_pairs(files or [file], choice)
         for error in suite.failures:
             if isinstance(error, SingleHorizontal):
                 raise RecordError(
@@ -605,20 +621,6 @@ class _FieldRecords:
             raise error
         self.notes += suite.notes
         return suite_motions(suite.motions)
-
-    def _component_files(self, path: str) -> list[str]:
-        """Return the files of all components of a ground motion. `path` is one of these files.
-
-        The files are in the same directory, and their names differ only in the component.
-        """
-        folder = Path(path).parent
-        # Read each directory a single time.
-        if folder not in self._motion_names:
-            files = [str(file) for file in sorted(folder.iterdir())]
-            self._motion_names[folder] = dict(zip(files, motion_names(files), strict=True))
-        name_of_file = self._motion_names[folder]
-        motion_name = name_of_file.get(str(Path(path)))
-        return [file for file, name in name_of_file.items() if name == motion_name] or [path]
 
 
 def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
@@ -664,16 +666,6 @@ def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float
         latitude, (abs(degrees) <= 90.0 for degrees in latitudes), "must be from -90 to 90 degrees"
     )
     return list(zip(longitudes, latitudes, strict=True))
-
-
-def _listed_records(file: str) -> list[tuple[str, float]]:
-    """Read the file of a grid point, and return the name and the factor of each record that it
-    lists. An empty factor is 1."""
-    format_text = (
-        "the file of a grid point is a CSV file with the column TH_file and, optionally, factor"
-    )
-    table = read_table(file, format_text, columns=("TH_file", "factor"))
-    return list(zip(table.texts("TH_file", empty=False), factors_in(table), strict=True))
 
 
 def factors_in(table: CsvTable, *, empty: bool = True) -> list[float]:

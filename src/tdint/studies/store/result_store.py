@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,7 +16,6 @@ from tdint.arrays import cached_property
 from tdint.errors import OutputError
 from tdint.files import digest_of, is_file
 from tdint.ground_motion.measures import measure
-from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.buildings import (
     NO_LIMITS,
@@ -597,31 +596,21 @@ def create_tables(store: Store, identity: Identity) -> None:
         varied_parameters = [dict(building.varied) for building in buildings]
         if any(varied_parameters):
             metadata["varied"] = json.dumps(varied_parameters)
+    # Sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256 of each ground
+    # motion. A load case has no samples; its numbers are 0.
+    records = []
+    for number, motion in enumerate(identity.motions):
+        record, values = motion.record, (0.0, 0, 0.0, 0.0)
+        if not isinstance(record, LoadCase):
+            count = record.acceleration.size
+            values = (record.dt, count, record.pga, measure(record).pgv)
+        names = stored_text(motion.name), stored_text(motion.component)
+        records.append((number, *names, motion.direction, *values, record.digest))
     with transaction(store.connection, store.name):
         for statement in schema.TABLES:
             store.connection.execute(statement)
         store.connection.executemany("INSERT INTO meta VALUES(?, ?)", metadata.items())
         store.connection.executemany(
-            "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", _record_rows(identity.motions)
+            "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", records
         )
         store.seal()
-
-
-def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
-    """Yield the row of the table `records` for each ground motion: number, name, component,
-    direction, sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256. A load
-    case has no samples; its other numbers are 0."""
-    for number, motion in enumerate(motions):
-        record = motion.record
-        names = number, stored_text(motion.name), stored_text(motion.component), motion.direction
-        if isinstance(record, LoadCase):
-            yield (*names, 0.0, 0, 0.0, 0.0, record.digest)
-            continue
-        yield (
-            *names,
-            record.dt,
-            record.acceleration.size,
-            record.pga,
-            measure(record).pgv,
-            record.digest,
-        )

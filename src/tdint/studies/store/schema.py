@@ -132,46 +132,23 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
     target = Path(os.path.realpath(file))
     if is_there(target) and not os.access(target, os.R_OK):
         raise OutputError(f"{name}: no permission to read the file")
-    log, shared_memory, journal = (
-        target.with_name(target.name + end) for end in ("-wal", "-shm", "-journal")
-    )
     # A connection that may write removes the log when it is closed, and completes or reverses the
-    # last transaction of a killed process.
-    is_writable = os.access(target, os.W_OK) and os.access(target.parent, os.W_OK)
-    try:
-        if is_writable:
-            return _begin_reading(target, name, "mode=rw")
-        # Without the file of the shared memory, no process has opened a store with a log.
-        if not _uses_log(target) or is_there(shared_memory):
-            return _begin_reading(target, name, "mode=ro")
-    except (sqlite3.OperationalError, OutputError) as error:
-        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_BUSY) & 0xFF
-        is_restricted = code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
-        # A transaction of a killed process cannot be reversed without write permission. Without
-        # locks, a copy is consistent, because `_read_copy` notices changes.
-        if not (is_restricted and not is_writable) and not lock_failure(target):
-            raise
-    return _read_copy(target, name, (log, journal))
+    # last transaction of a killed process. In other cases the file is copied, also without locks,
+    # because `_read_copy` notices changes.
+    if os.access(target, os.W_OK) and os.access(target.parent, os.W_OK):
+        try:
+            return _begin_reading(target, name)
+        except (sqlite3.OperationalError, OutputError):
+            if not lock_failure(target):
+                raise
+    return _read_copy(target, name)
 
 
-_POSITION_OF_LOG = slice(18, 20)
-"""Bytes of a file of SQLite that state the type of its journal: 2 is a write-ahead log."""
-
-
-def _uses_log(file: Path) -> bool:
-    """Return True if a store is marked as having a write-ahead log."""
-    try:
-        with file.open("rb") as stream:
-            return stream.read(_POSITION_OF_LOG.stop)[_POSITION_OF_LOG] == b"\2\2"
-    except OSError:  # opening the store reports the error
-        return False
-
-
-def _begin_reading(file: Path, name: str, mode: str) -> sqlite3.Connection:
-    """Open a file with the parameter `mode` of SQLite, and begin a transaction for reading. `name`
-    is the path for messages."""
+def _begin_reading(file: Path, name: str) -> sqlite3.Connection:
+    """Open a file, which must exist, and begin a transaction for reading. `name` is the path for
+    messages."""
     connection = sqlite3.connect(
-        f"{file.as_uri()}?{mode}", timeout=0.0, uri=True, isolation_level=None
+        f"{file.as_uri()}?mode=rw", timeout=0.0, uri=True, isolation_level=None
     )
     with closed_on_failure(connection):
         _protect(connection)
@@ -181,18 +158,19 @@ def _begin_reading(file: Path, name: str, mode: str) -> sqlite3.Connection:
     return connection
 
 
-def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Connection:
+def _read_copy(file: Path, name: str) -> sqlite3.Connection:
     """Return a connection for reading to a copy of a store in memory.
 
-    The store and its additional files, the logs, are first copied to a temporary directory, in
-    which SQLite can complete or reverse the last transaction.
+    The store and its logs are first copied to a temporary directory, in which SQLite can complete
+    or reverse the last transaction.
 
     Raises
     ------
     OutputError
         The files cannot be copied, or another process changes them.
     """
-    files = [file, *filter(is_there, additional)]
+    logs = (file.with_name(file.name + end) for end in ("-wal", "-journal"))
+    files = [file, *filter(is_there, logs)]
 
     def states() -> list[tuple[int, int]]:
         """Return the modification time, ns, and the size of each file."""
@@ -208,7 +186,7 @@ def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Con
             raise OutputError(f"{name}: cannot be read: {error.strerror or error}") from None
         if is_changed:
             raise OutputError(f"{name}: another process is changing the file; try again")
-        with closing(_begin_reading(Path(folder, file.name), name, "mode=rw")) as copied:
+        with closing(_begin_reading(Path(folder, file.name), name)) as copied:
             connection = sqlite3.connect(":memory:", isolation_level=None)
             with closed_on_failure(connection):
                 copied.backup(connection)
