@@ -33,7 +33,7 @@ def models_in(file: str) -> list[tuple[str, tuple[str, ...]]] | None:
     if not _CAMPAIGN.search(read_source(file).data):
         return None
     # Imported here, because the check of a model file needs no module of campaigns.
-    from tdint.studies.campaign.definition import ModelFiles
+    from tdint.studies.campaign.definition import InventoryFile
     from tdint.studies.campaign.inputs import check_load_cases, read_rows
     from tdint.studies.campaign.load_cases import LoadFiles
     from tdint.studies.campaign.reader import load_campaign
@@ -44,10 +44,10 @@ def models_in(file: str) -> list[tuple[str, tuple[str, ...]]] | None:
     has_load_cases = isinstance(campaign.records, LoadFiles)
     if has_load_cases:
         check_load_cases(campaign)
-    if isinstance(campaign.buildings, ModelFiles):
+    if not isinstance(campaign.buildings, InventoryFile):
         is_missing = has_load_cases and campaign.settings.duration is None
         times = ("dt",) if is_missing else ("dt", "duration")
-        return [(model, times) for model in campaign.buildings.files]
+        return [(model, times) for model in campaign.buildings]
     rows, errors = read_rows(campaign.buildings)
     warn(*unusual_rows(rows, campaign.buildings.rules))
     if errors:

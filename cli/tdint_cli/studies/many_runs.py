@@ -12,9 +12,9 @@ from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.response.arguments import model_record
 from tdint.response.runs.settings import settings_from
-from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
+from tdint.studies.campaign.assigned_motions import CampaignMotions, FactorTable, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
-from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile, FactorsFile
+from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile
 from tdint.studies.campaign.execute import threads
 from tdint.studies.campaign.inputs import Inputs, read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
@@ -67,7 +67,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         name=model.name,
         source=model.source,
         records=RecordFiles(records, request.choice),
-        intensity=Scales(request.scale or (1.0,)) if factors is None else FactorsFile(factors),
+        intensity=Scales(request.scale or (1.0,)) if factors is None else FactorTable(factors, {}),
         analysis=AnalysisOverrides(request.method),
         settings=settings_from(request, CampaignSettings, profiles=True, check=bool(request.check)),
         pair_demand=request.pair_demand,

@@ -20,7 +20,6 @@ from tdint.studies.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
     Distribution,
-    ModelFiles,
     ParameterSweep,
 )
 from tdint.studies.campaign.execute import execute_plan, threads
@@ -60,7 +59,7 @@ def records():
 def stored(models, records, scales=(1.0,)):
     """Return an open store with the runs of some models."""
     motions = suite_motions(records)
-    files = ModelFiles(()), RecordFiles((), RecordChoice())
+    files = (), RecordFiles((), RecordChoice())
     campaign = CampaignFile(
         "sweep",
         "sweep",

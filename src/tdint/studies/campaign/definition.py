@@ -19,7 +19,7 @@ from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
-from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, MeasureLevels, Scales
+from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, Levels, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.load_cases import LoadFiles
 from tdint.studies.fragility.type_states import DamageRequest
@@ -399,13 +399,6 @@ def _values(entry: Value, name: str) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class ModelFiles:
-    """Buildings of model files, by their paths relative to the working directory."""
-
-    files: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class InventoryFile:
     """Buildings of an inventory, derived by rules.
 
@@ -459,13 +452,6 @@ class SequenceFile:
 
 
 @dataclass(frozen=True)
-class FactorsFile:
-    """Factors of each motion in a CSV file of `tdint scale`."""
-
-    file: str
-
-
-@dataclass(frozen=True)
 class AnalysisOverrides:
     """Settings for all buildings. None: each building has the setting of its model.
 
@@ -492,6 +478,10 @@ class CampaignFile:
     ----------
     name, source : str
         Name of the campaign (by default the name of the file), and path of the file.
+    buildings : tuple of str or InventoryFile
+        Paths of model files, relative to the working directory, or an inventory.
+    intensity : Levels
+        Factors or levels; a table of factors of `tdint scale` is not read yet.
     damage : DamageRequest | None
         Definition of the damage states; None: as in the models.
     outputs : tuple of str | None
@@ -505,9 +495,9 @@ class CampaignFile:
 
     name: str
     source: str
-    buildings: ModelFiles | InventoryFile = ModelFiles(())
+    buildings: tuple[str, ...] | InventoryFile = ()
     records: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles = NO_RECORDS
-    intensity: Scales | MeasureLevels | FactorsFile = UNSCALED
+    intensity: Levels = UNSCALED
     analysis: AnalysisOverrides = AnalysisOverrides()
     settings: CampaignSettings = field(default_factory=CampaignSettings)
     sweep: ParameterSweep | None = None

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -47,9 +47,7 @@ from tdint.studies.campaign.assigned_motions import (
 from tdint.studies.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
-    FactorsFile,
     InventoryFile,
-    ModelFiles,
     ParameterSweep,
     SequenceFile,
 )
@@ -116,15 +114,15 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
     faults: tuple[ModelError, ...] = ()
     sweep = campaign.sweep or ParameterSweep()
     # Read the buildings first, so that errors of model files are reported before records are read.
-    if isinstance(campaign.buildings, ModelFiles):
+    if not isinstance(campaign.buildings, InventoryFile):
         models = models or read_models(campaign.buildings, campaign.analysis)
         with sweep.reported_at_key():
             models = sweep.vary_models(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
     factors = (
-        read_factors(campaign.intensity.file)
-        if isinstance(campaign.intensity, FactorsFile)
+        read_factors(campaign.intensity.source)
+        if isinstance(campaign.intensity, FactorTable)
         else None
     )
     # If the campaign file lists no records, the table of factors lists them.
@@ -170,8 +168,8 @@ def check_load_cases(campaign: CampaignFile) -> None:
     assert isinstance(campaign.records, LoadFiles)
     models: list[Model] = []
     rows: InventoryRows | None = None
-    if isinstance(campaign.buildings, ModelFiles):
-        for file in campaign.buildings.files:
+    if not isinstance(campaign.buildings, InventoryFile):
+        for file in campaign.buildings:
             with suppress(ModelError):
                 models.append(load_model(file))
     else:
@@ -181,7 +179,7 @@ def check_load_cases(campaign: CampaignFile) -> None:
         raise RecordError("\n".join(map(str, motions.failures)))
 
 
-def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Model, ...]:
+def read_models(files: Sequence[str], analysis: AnalysisOverrides) -> tuple[Model, ...]:
     """Read model files and apply the campaign's settings for all buildings.
 
     Raises
@@ -191,7 +189,7 @@ def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Mod
     """
     models: list[Model] = []
     errors: list[ModelError] = []
-    for file in buildings.files:
+    for file in files:
         try:
             models.append(adapted(load_model(file), analysis))
         except ModelError as error:
@@ -417,19 +415,21 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
         for name in ("component", "units")
     ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
-    events_by_sequence: dict[str, list[_SequenceEvent]] = {}
+    # Path, selection of components and factor of each event
+    events_by_sequence: dict[str, list[tuple[str, RecordChoice, float]]] = {}
     for name, record, component, unit, factor in zip(
         names, records, *optional, factors_in(table), strict=True
     ):
-        file = resolve(record, Path(sequences.file).parent)
-        events_by_sequence.setdefault(name, []).append(
-            _SequenceEvent(file, component, factor, unit.strip())
-        )
+        file, choice = resolve(record, Path(sequences.file).parent), sequences.choice
+        # Units of a row override the units for all rows ("*": all components).
+        units = {"*": unit.strip()} if unit.strip() else choice.units
+        choice = replace(choice, component=component or choice.component, units=units)
+        events_by_sequence.setdefault(name, []).append((file, choice, factor))
     motions, failures = list[SuiteMotion](), list[TdintError]()
     notes: dict[str, None] = {}  # keys of a dictionary: each note one time, in order
     for name, events in events_by_sequence.items():
         try:
-            motions += _sequence(name, events, sequences, notes)
+            motions += _sequence(name, events, sequences.rest, notes)
         except (RecordError, UsageError) as error:
             failures.append(RecordError(f"sequence {name}: {error}"))
     if not motions:
@@ -447,18 +447,11 @@ _READERS = {
 """Function that reads the ground motions, by the type of the records in the campaign file."""
 
 
-class _SequenceEvent(NamedTuple):
-    """Event of a sequence, as in a row of the file: path of the record, name of the component
-    (empty: all components), scale factor, and units of the samples (empty: units of the record)."""
-
-    file: str
-    component: str
-    factor: float
-    units: str
-
-
 def _sequence(
-    name: str, events: Sequence[_SequenceEvent], sequences: SequenceFile, notes: dict[str, None]
+    name: str,
+    events: Sequence[tuple[str, RecordChoice, float]],
+    rest: float | None,
+    notes: dict[str, None],
 ) -> Iterator[SuiteMotion]:
     """Yield the ground motions of a sequence: one joined record for each component that the records
     of all its events have. Notes of the reader for the user are added to `notes` as keys.
@@ -466,16 +459,12 @@ def _sequence(
     RecordError is raised if a record cannot be used, or the records have different components.
     """
     components_by_event: list[list[Record]] = []
-    defaults = sequences.choice
-    for event in events:
-        # Units of a row override the units for all rows ("*": all components).
-        units = {"*": event.units} if event.units else defaults.units
-        choice = replace(defaults, component=event.component or defaults.component, units=units)
-        suite = read_components([event.file], choice)
+    for file, choice, factor in events:
+        suite = read_components([file], choice)
         for error in suite.failures:
             raise error  # a sequence requires all of its records
         notes |= dict.fromkeys(suite.notes)
-        components_by_event.append([record.scaled(event.factor) for record in suite.records])
+        components_by_event.append([record.scaled(factor) for record in suite.records])
     # The i-th components of all records are joined below. They must have the same name, unless
     # each record has a single component.
     names = [[record.component for record in records] for records in components_by_event]
@@ -487,7 +476,7 @@ def _sequence(
             "record in the column component"
         )
     for records in zip(*components_by_event, strict=True):
-        joined = JoinedRecord.of(records, sequences.rest)
+        joined = JoinedRecord.of(records, rest)
         yield SuiteMotion(joined, name, joined.component, joined.events[0])
 
 

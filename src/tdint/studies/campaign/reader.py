@@ -36,8 +36,10 @@ from tdint.model.keys.fields import (
 from tdint.studies.campaign.assigned_motions import (
     COORDINATES,
     MAX_DISTANCE,
+    FactorTable,
     FieldFile,
     GridFile,
+    Levels,
     MeasureLevels,
     Scales,
 )
@@ -47,9 +49,7 @@ from tdint.studies.campaign.definition import (
     UNSCALED,
     AnalysisOverrides,
     CampaignFile,
-    FactorsFile,
     InventoryFile,
-    ModelFiles,
     SequenceFile,
     Varied,
     read_sweep,
@@ -351,8 +351,8 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     _check_combinations(section)
     analysis, outputs_value = section.inner("analysis"), section.get("outputs")
     dt = analysis.get("dt")
-    buildings = (_read_buildings(buildings_value) if buildings_value else None) or ModelFiles(())
-    are_models = isinstance(buildings, ModelFiles)
+    buildings = (_read_buildings(buildings_value) if buildings_value else None) or ()
+    are_models = not isinstance(buildings, InventoryFile)
     # A list names all tables to write. A mapping adds tables to the default tables.
     listed_tables = None
     if outputs_value and outputs_value.is_list:
@@ -455,7 +455,7 @@ def _read_analysis(section: Section) -> AnalysisOverrides:
     )
 
 
-def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
+def _read_buildings(value: Value) -> tuple[str, ...] | InventoryFile | None:
     """Return the model files or the inventory of the key `buildings`; None after an error, which is
     recorded in the document."""
     section = value.section()
@@ -473,7 +473,7 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
     # The keys after `models` and `inventory` describe an inventory.
     section.refuse(_BUILDINGS[2:], "can only be used with an `inventory`")
     empty = "is empty; give at least one model file"
-    return ModelFiles(section.files("models", "a list of model files", empty))
+    return section.files("models", "a list of model files", empty)
 
 
 def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
@@ -510,7 +510,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     )
 
 
-def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
+def _read_intensity(value: Value | None) -> Levels | None:
     """Return the scale factors, the levels of an intensity measure, or the file of factors that the
     key `intensity` specifies; None if the key is missing or after an error, which is recorded in
     the document."""
@@ -530,7 +530,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     section.refuse(("period", "damping", "levels", "pair"), "can only be used with a `measure`")
     if sources == ["factors"]:
         file = section.file("factors")
-        return FactorsFile(file) if file else None
+        return FactorTable(file, {}) if file else None
     scales = section.get("scales")
     items = (
         scales.items("a list of factors", "is empty; give at least one factor") if scales else None
