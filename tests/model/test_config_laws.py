@@ -12,6 +12,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.kernels.laws.law import LawParameter
 from tdint.model.config.sections import ModelUnits
 from tdint.model.config.stories import read_law
+from tdint.model.definition import Model
 from tdint.model.keys.fields import Value
 from tdint.model.keys.nodes import Faults, nodes_of
 from tdint.model.story import Story
@@ -230,6 +231,24 @@ def test_other_side_of_a_law_follows_a_varied_parameter() -> None:
     for names in (both, dict(reversed(both.items()))):
         parameters = [story.law.parameters for story in model.replace(**names).stories]
         assert parameters == [(5, 0, 4), (5, 0, 4)]
+
+
+def test_return_slopes_follow_a_varied_last_slope() -> None:
+    """The return slope of the negative side follows that of the positive side, which follows the
+    slope of the curve; a slope that is set by its name does not."""
+    law = {"type": "multilinear", "rule": "flag", "backbone": [[1, 10]], "return": [[0.4, 4]]}
+
+    def flag(**slopes: float) -> Model:
+        return load_model({"stories": [{"mass": 1, "law": {**law, **slopes}}]})
+
+    model = flag(last_slope=2.0)
+    for slope in (1.0, 3.0):
+        changed = model.replace(**{"stories.law.last_slope": slope})
+        assert changed.stories == flag(last_slope=slope).stories
+    both = {"stories.law.return_slope": 1.0, "stories.law.last_slope": 3.0}
+    for names in (both, dict(reversed(both.items()))):
+        changed = model.replace(**names)
+        assert changed.stories == flag(last_slope=3.0, return_slope=1.0).stories
 
 
 def test_ratio_of_fracture_is_a_drift_ratio_also_for_an_inclined_element() -> None:

@@ -52,9 +52,10 @@ class Change(NamedTuple):
         The value is a factor on the number, otherwise its new value.
     bounds : LawParameter, optional
         Declaration of the parameter with its bounds.
-    follows : bool
-        The number is not named by the parameter, but follows it by default: the model does not
-        state a separate value (for the negative side of a law).
+    follows : tuple of tuple
+        Not empty if the number is not named by the parameter, but follows it by default: the model
+        does not state a separate value (for the negative side of a law). The paths are those of
+        this number and of numbers between both; it does not follow if one of them has been set.
     scale : float
         Number of the story divided by the value, which is a number along an inclined element.
     """
@@ -63,7 +64,7 @@ class Change(NamedTuple):
     path: Path
     factor: bool = False
     bounds: LawParameter | None = None
-    follows: bool = False
+    follows: tuple[Path, ...] = ()
     scale: float = 1.0
 
     def number(self, stories: Sequence[Story]) -> float:
@@ -82,7 +83,7 @@ class Change(NamedTuple):
         path of each number.
         """
         if self.follows:
-            return (self.story, self.path) in set_by_name
+            return any((self.story, path) in set_by_name for path in self.follows)
         if not self.factor:
             set_by_name.add((self.story, self.path))
         return False
@@ -150,18 +151,23 @@ def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
                 change = Change(i, (*to_spring, "stiffness"), bounds=bounds, scale=scale)
                 changes[f"{prefix}.stiffness"] = [change]
         values = spring.law.values
+        paths: dict[str, Path] = {}
+        sources: dict[str, str] = {}
         for k, (name, force, length, declaration) in enumerate(named_parameters(spring.law)):
-            path = (*to_spring, "law", "parameters", k)
+            paths[name] = path = (*to_spring, "law", "parameters", k)
             if name not in values:
                 continue
             change = Change(i, path, bounds=declaration, scale=spring.scale(force, length))
-            source = _followed_name(spring.law, name, declaration)
+            sources[name] = source = _followed_name(spring.law, name, declaration)
             for prefix in prefixes:
                 changes[f"{prefix}.{name}"] = [change]
-                # The number of the other side with the same default changes as well, if it is
-                # equal.
-                if source in values and values[source] == values[name]:
-                    changes[f"{prefix}.{source}"].append(change._replace(follows=True))
+            # A number with another number as its default changes as well, if it is equal. This
+            # number can have a default of its own.
+            follows: tuple[Path, ...] = (path,)
+            while source in values and values[source] == values[name]:
+                for prefix in prefixes:
+                    changes[f"{prefix}.{source}"].append(change._replace(follows=follows))
+                follows, source = (*follows, paths[source]), sources[source]
             # Factors apply to all numbers with the dimension of a stiffness or of a strength
             # (force). The points of a curve move along the line of the initial stiffness.
             if force == 1 and (has_stiffness or length == -1):
