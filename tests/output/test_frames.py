@@ -55,6 +55,19 @@ def test_columns_equal_the_columns_of_the_tables(response):
     assert modes.damping == pytest.approx([0.05, 0.05])
 
 
+def test_several_results_are_written_as_one_parquet_file(response, tmp_path):
+    """The tables of spectra are joined; without pyarrow, its absence is the only error."""
+    spectra = tdint.spectrum([response.record] * 2, np.array([0.5, 1.0]))
+    file = tmp_path / "spectra.parquet"
+    try:
+        spectra.to_parquet(file)
+    except UsageError as error:
+        assert "requires pyarrow" in str(error)
+    else:
+        pyarrow = pytest.importorskip("pyarrow.parquet")
+        assert pyarrow.read_table(file).num_rows == 4
+
+
 def test_a_history_equals_the_file_of_the_command(response):
     stream = io.BytesIO()
     write_history([response.history], stream)

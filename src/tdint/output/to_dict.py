@@ -55,14 +55,14 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     # The table of several results has one row for each result if their class has the function
     # `rows`. Otherwise each result has a table, and these tables are joined.
     is_sequence = isinstance(result, list | tuple | ResultList)
-    first = (result[0] if len(result) else None) if is_sequence else result
-    known = presentations().get(type(first).__name__)
+    members = list(result) if is_sequence else [result]
+    known = presentations().get(type(members[0]).__name__) if members else None
     if is_sequence and (known is None or known.rows is None):
-        return _joined([to_dict(item, units) for item in result])
+        return _joined([to_dict(member, units) for member in members])
     output_units = parse_output_units(units) if units else SI
     if units and known is not None and known.only_si:
         raise UsageError(known.only_si)
-    values = _values(result, output_units)
+    values = _values(members, output_units)
     row_count = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     columns: dict[str, Any] = {}
     for column, value in values:
@@ -113,8 +113,9 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def to_parquet(result: Any, file: str | Path) -> None:
     """Write the table of a result in SI units to a Parquet file, with units and meanings of the
     columns as metadata. An existing file is replaced."""
-    descriptions = describe(column for column, _ in _values(result))
-    write_files({Path(file): parquet(to_dict(result), descriptions)}, overwrite=True)
+    columns, members = to_dict(result), result if isinstance(result, ResultList) else [result]
+    descriptions = describe(column for column, _ in _values(list(members)))
+    write_files({Path(file): parquet(columns, descriptions)}, overwrite=True)
 
 
 def to_xarray(runs: Runs) -> Any:
@@ -203,24 +204,21 @@ def _cell(value: Any) -> str:
     return "" if value is None else str(value)
 
 
-def _values(result: Any, units: OutputUnits = SI) -> list[tuple[Column, Any]]:
+def _values(members: list[Any], units: OutputUnits = SI) -> list[tuple[Column, Any]]:
     """Return the columns of the table of a result, each with its values: an array, a list with
     text, or a single value that applies to all rows. UsageError is raised if the result has no
-    table. `units` are the units of `Presentation.rows`.
+    table. `members` are several results only if their class has the function `rows`, which receives
+    `units`.
     """
-    # `to_dict` passes several results only if their class has the function `rows`.
-    if isinstance(result, list | tuple | ResultList):
-        rows = presentations()[type(result[0]).__name__].rows
-        assert rows is not None
-        return rows(list(result), units).by_column()
     # The table of a base class applies to subclasses without a separate table.
-    for result_class in type(result).__mro__:
+    first = members[0]
+    for result_class in type(first).__mro__:
         known = presentations().get(result_class.__name__)
         if known is not None and known.columns is not None:
-            return [(column, column.of(result)) for column in known.columns(result)]
+            return [(column, column.of(first)) for column in known.columns(first)]
         if known is not None and known.table is not None:
-            table = known.table(result)
+            table = known.table(first)
             return table.by_column() if isinstance(table, Table) else table
         if known is not None and known.rows is not None:
-            return known.rows([result], units).by_column()
-    raise UsageError(f"a result of the type {type(result).__name__} has no table")
+            return known.rows(members, units).by_column()
+    raise UsageError(f"a result of the type {type(first).__name__} has no table")
