@@ -441,22 +441,6 @@ def remove_unfinished() -> None:
             temporary.unlink()
 
 
-def write_file(file: Path, writer: Content, *, overwrite: bool) -> None:
-    """Write one file completely or not at all, as `write_files` does for several files.
-
-    Parameters
-    ----------
-    writer : bytes or callable
-        Content, or a function that writes it to a binary stream.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
-    write_files({file: writer}, overwrite=overwrite)
-
-
 def check_disk_space(file: Path, least: float) -> None:
     """Check before a computation that there is enough disk space for its output.
 

@@ -17,7 +17,7 @@ import numpy as np
 from common import ROOT, minimum_times
 
 from tdint import load_model, run
-from tdint.files import write_file
+from tdint.files import write_files
 from tdint.output.tables.histories import HistoryLayout, write_history
 
 MODEL = ROOT / "configs" / "ten-story.yaml"
@@ -54,7 +54,7 @@ def main():
     with TemporaryDirectory() as directory:
         file = Path(directory) / "history.csv.gz"
         time_compressed = minimum_time(
-            lambda: write_file(file, partial(write_history, history), overwrite=True)
+            lambda: write_files({file: partial(write_history, [history])}, overwrite=True)
         )
     print(f"compressed file: {time_compressed:.2f} s")
     size = 8 * len(columns) * len(history.time)  # bytes

@@ -19,7 +19,7 @@ STUCK = """
 import sys
 from pathlib import Path
 import numpy as np
-from tdint.files import write_file
+from tdint.files import write_files
 from tdint_cli.terminal import end_in_time, exit_code_of
 from tdint_cli.terminal import Settings
 
@@ -31,7 +31,7 @@ def write(stream):
 
 end_in_time()
 file = Path(sys.argv[1]) / "out.csv"
-sys.exit(exit_code_of(lambda: write_file(file, write, overwrite=False), Settings()))
+sys.exit(exit_code_of(lambda: write_files({file: write}, overwrite=False), Settings()))
 """
 
 

@@ -17,7 +17,6 @@ from tdint.files import (
     protect_input,
     refuse_protected,
     remove_abandoned,
-    write_file,
     write_files,
 )
 from tdint.system import process_start, this_host
@@ -53,7 +52,7 @@ def linkable(request, monkeypatch):
 @pytest.mark.usefixtures("linkable")
 def test_a_file_is_written_with_the_usual_permissions(tmp_path):
     file, plain = tmp_path / "a.csv", tmp_path / "plain"
-    write_file(file, writes(b"x\n"), overwrite=False)
+    write_files({file: writes(b"x\n")}, overwrite=False)
     plain.write_bytes(b"")
     assert file.read_bytes() == b"x\n"
     assert file.stat().st_mode == plain.stat().st_mode
@@ -85,7 +84,7 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
             call()
     assert file.read_bytes() == b"old"
     assert names(tmp_path) == ["a.csv"]
-    write_file(file, writes(b"new"), overwrite=True)
+    write_files({file: writes(b"new")}, overwrite=True)
     assert file.read_bytes() == b"new"
 
 
@@ -93,7 +92,7 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
 def test_a_file_created_during_writing_is_kept(tmp_path):
     file = tmp_path / "a.csv"
     with pytest.raises(OutputError, match="the file exists"):
-        write_file(file, lambda stream: file.write_bytes(b"theirs"), overwrite=False)
+        write_files({file: lambda stream: file.write_bytes(b"theirs")}, overwrite=False)
     assert file.read_bytes() == b"theirs"
     assert names(tmp_path) == ["a.csv"]
 
@@ -103,7 +102,7 @@ def test_a_symbolic_link_is_followed(tmp_path):
     target, link = tmp_path / "real" / "a.csv", tmp_path / "link.csv"
     target.write_bytes(b"old")
     link.symlink_to(target)
-    write_file(link, writes(b"new"), overwrite=True)
+    write_files({link: writes(b"new")}, overwrite=True)
     assert link.is_symlink()
     assert target.read_bytes() == b"new"
 
@@ -218,13 +217,13 @@ def test_inputs_are_never_written_or_removed(tmp_path):
 WAITS = """
 import sys, time
 from pathlib import Path
-from tdint.files import write_file
+from tdint.files import write_files
 
 def wait(stream):
     print("half", flush=True)
     time.sleep(60)
 
-write_file(Path(sys.argv[1]), wait, overwrite=False)
+write_files({Path(sys.argv[1]): wait}, overwrite=False)
 """
 
 

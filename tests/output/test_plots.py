@@ -13,7 +13,7 @@ from selection import every
 from tdint.assessment.order.order import order
 from tdint.assessment.order.order_figures import order_picture
 from tdint.errors import OutputError
-from tdint.files import write_file
+from tdint.files import write_files
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
@@ -54,11 +54,11 @@ def motion(component="HNE", source="a.mseed", size=400) -> Record:
 
 
 def draw_run(response, file):
-    write_file(file, picture(file.suffix, lambda: run_picture(response)), overwrite=False)
+    write_files({file: picture(file.suffix, lambda: run_picture(response))}, overwrite=False)
 
 
 def draw_spectra(spectra, file):
-    write_file(file, picture(file.suffix, lambda: spectrum_picture(spectra)), overwrite=False)
+    write_files({file: picture(file.suffix, lambda: spectrum_picture(spectra))}, overwrite=False)
 
 
 def figure_texts(figure):

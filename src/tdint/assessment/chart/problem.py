@@ -18,7 +18,7 @@ import numpy as np
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, OutputError, UsageError
-from tdint.files import is_file, write_file
+from tdint.files import is_file, write_files
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
 from tdint.kernels.building.sources import code_of, digest_of_all
@@ -699,7 +699,7 @@ def _save(file: Path, reference: Reference) -> None:
     # Keep the newest files up to a total of `_KEPT` bytes, and always the present file.
     with suppress(OSError, OutputError):
         file.parent.mkdir(exist_ok=True, mode=0o700)
-        write_file(file, lambda stream: np.savez(stream, **content), overwrite=True)
+        write_files({file: lambda stream: np.savez(stream, **content)}, overwrite=True)
         total_bytes = 0
         for stored_file in sorted(
             file.parent.glob("*.npz"),
