@@ -17,7 +17,6 @@ from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
-    from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.response.spectra.modal import ModalResponse
@@ -96,13 +95,13 @@ def command(
 
     loaded = load_model(model)
     options.analysis.warn_of(loaded)
+    page_units, outputs = outputs.units or loaded.page_units, outputs.else_in(loaded.output_units)
     if transfer is not None:
-        _transfer(loaded, transfer, outputs)
+        _transfer(loaded, transfer, outputs, page_units)
         return
     if target is not None:
-        _peaks(loaded, target, outputs)
+        _peaks(loaded, target, outputs, page_units)
         return
-    page_units, outputs = outputs.units or loaded.page_units, outputs.else_in(loaded.output_units)
     building = assemble(loaded)
     modes = building.modes()
     matrix = building.damping_matrix()
@@ -111,7 +110,14 @@ def command(
     table = tables.buildings.mode_table(modes, ratios, shapes, complex_modes=complex_modes)
     notes = []
     if complex_modes is not None:
-        notes.append(_complex_note(building))
+        notes.append(
+            "period and damping are those of the undamped modes, without the braces of dampers; "
+            "the columns complex_period_s, damped_period_s and complex_damping include the dampers"
+        )
+        if building.has_power_law_dampers:
+            notes[-1] += (
+                "; power-law dampers are omitted, because their damping depends on the amplitude"
+            )
     # `damping_ratios` also returns None for a negative ratio, which `warn_of` has reported.
     if modes.damping_ratios(matrix) is None and ratios.min() >= 0.0:
         notes.append(
@@ -152,7 +158,7 @@ def command(
     note(*notes)
 
 
-def _transfer(model: Model, source: str, outputs: Outputs) -> None:
+def _transfer(model: Model, source: str, outputs: Outputs, units_of_page: OutputUnits) -> None:
     """Compute transfer functions, write their outputs and print the maximum of the roof."""
     from tdint.model.building import assemble
     from tdint.response.spectra.transfer import transfer_function
@@ -164,8 +170,6 @@ def _transfer(model: Model, source: str, outputs: Outputs) -> None:
             f"--transfer must be {_GROUND}, or a floor from 1 to {floors} for a force on this "
             f"floor, got {source!r:.40}"
         )
-    units_of_page = outputs.units or model.page_units
-    outputs = outputs.else_in(model.output_units)
     result = transfer_function(model, source if source == _GROUND else int(source))
     warnings = []
     if not result.is_damped:
@@ -220,16 +224,6 @@ def _transfer_sentence(result: TransferFunction, units: OutputUnits) -> str:
     )
 
 
-def _complex_note(building: Building) -> str:
-    """Return the note on the modes with and without dampers."""
-    omitted = "; power-law dampers are omitted, because their damping depends on the amplitude"
-    return (
-        "period and damping are those of the undamped modes, without the braces of dampers; the "
-        "columns complex_period_s, damped_period_s and complex_damping include the dampers"
-        f"{omitted if building.has_power_law_dampers else ''}"
-    )
-
-
 def _coupling_cause(model: Model) -> str:
     """Return the parts of a model whose damping is not proportional to its mass and stiffness."""
     causes = {
@@ -263,13 +257,11 @@ def _record(model: Model) -> tuple[Record | None, list[str]]:
         return None, [f"the spectrum of the ground motion is not drawn: {error}"]
 
 
-def _peaks(model: Model, target: str, outputs: Outputs) -> None:
+def _peaks(model: Model, target: str, outputs: Outputs, units_of_page: OutputUnits) -> None:
     """Run a response spectrum analysis, write its outputs and print its summary."""
     from tdint.model.building import assemble
     from tdint.response.spectra.modal import response_spectrum_analysis
 
-    units_of_page = outputs.units or model.page_units
-    outputs = outputs.else_in(model.output_units)
     result, units = response_spectrum_analysis(model, target), outputs.shown_units
     warnings = []
     # The modes outside of the target spectrum have the shortest periods. They are the last modes,

@@ -438,12 +438,30 @@ def _report_page(
     from tdint.output.page import PageText, page_units
     from tdint.output.report import run_page
     from tdint.output.summary import files_read, merged_inputs
-    from tdint.output.verdicts import governing_story, limit_table
+    from tdint.output.verdicts import (
+        governing_story,
+        has_isolator_limit,
+        isolator_sentence,
+        limit_table,
+    )
 
     model = response.model
     units = page_units(model.page_units)
     checks = response.limit_checks(request.limit)
-    verdict = _page_verdict(request, response, units)
+    # The text of a single drift limit without a performance level starts with the drift, so the
+    # outcome ("Limit met." or "Limit EXCEEDED.") is added in front. All other texts already state
+    # it.
+    verdict: list[tuple[bool | None, str]] = [
+        (met, outcome_text(bool(met)) + text if single_limit else text)
+        for met, text, single_limit in _verdicts(response, request.limit, units)
+    ]
+    if not verdict:
+        demands = _maximum_demands(model, response.stories, units, page=True)
+        verdict = [(None, f"Maximum {demands}.")]
+    # A drift limit does not cover the displacement of isolators.
+    elif not has_isolator_limit(checks):
+        isolators = isolator_sentence(response.isolator_check, units, mean=False)
+        verdict += [(None, isolators)] if isolators else []
     # The sentences below the verdict must not repeat it.
     verdict_texts = [text for _, text in verdict]
     lines = _paragraph(response, units, page=True).splitlines()
@@ -463,34 +481,6 @@ def _report_page(
     )
     floors = request.floor_request.run_spectra(response)
     return run_page(_with_history(response), page_text, floors=floors, units=units)
-
-
-def _page_verdict(
-    request: Request, response: Response, units: OutputUnits
-) -> list[tuple[bool | None, str]]:
-    """Return the sentences at the top of the report of a run: the results of the limits, or the
-    maximum demands of a run without limits.
-
-    The first item is True if the limit is met, False if it is exceeded, and None for a sentence
-    without a limit.
-    """
-    from tdint.output.verdicts import has_isolator_limit, isolator_sentence
-
-    verdicts = _verdicts(response, request.limit, units)
-    if not verdicts:
-        demands = _maximum_demands(response.model, response.stories, units, page=True)
-        return [(None, f"Maximum {demands}.")]
-    sentences: list[tuple[bool | None, str]] = []
-    # The text of a single drift limit without a performance level starts with the drift, so the
-    # outcome ("Limit met." or "Limit EXCEEDED.") is added in front. All other texts already state
-    # it.
-    for met, text, single_limit in verdicts:
-        sentences.append((met, outcome_text(bool(met)) + text if single_limit else text))
-    # A drift limit does not cover the displacement of isolators.
-    isolators = isolator_sentence(response.isolator_check, units, mean=False)
-    if isolators and not has_isolator_limit(response.limit_checks(request.limit)):
-        sentences.append((None, isolators))
-    return sentences
 
 
 def _with_history(response: Response) -> Response:

@@ -637,21 +637,15 @@ def with_plugins(
         # `leapfrog:parts=4`.
         point_name, line = f"{plugin}/{name}", f"{plugin}/{name.partition(':')[0]}"
         try:
-            points.append(
-                replace(
-                    _plugin_point(problem, chart.reference, function, repeats),
-                    method=point_name,
-                    line=line,
-                )
-            )
+            point = _plugin_point(problem, chart.reference, function, repeats)
+            points.append(replace(point, method=point_name, line=line))
         except Exception as error:  # a function of a plug-in can raise any exception
             notes.append(
                 f"{point_name} is omitted: {type(error).__name__}: {' '.join(str(error).split())}"
             )
-    plugin_names = {point.line.partition("/")[0]: None for point in points}
-    plugin_peers = tuple(
+    plugin_peers = (
         Peer(plugin, "of a plug-in", "settings of its function", "its complete call")
-        for plugin in plugin_names
+        for plugin in dict.fromkeys(point.line.partition("/")[0] for point in points)
     )
     return replace(
         chart, points=(*chart.points, *points), peers=(*chart.peers, *plugin_peers)

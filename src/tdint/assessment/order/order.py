@@ -522,13 +522,20 @@ def check_law(model: Model, story: int) -> list[str]:
         Number of the story, from 1. The amplitudes of the cycles are 0.5, 1 and 2 % of the story
         height, or 5, 10 and 20 mm if the story has no height.
     """
-    name = model.stories[story - 1].law_text
+    subject, faults = model.stories[story - 1], list[str]()
+    # The declared branches and the declared curvature are compared with the force. The model is
+    # executed in plain Python with checks of array bounds (`path_faults`).
+    parameters = assemble(model).law_parameters
+    columns, yields = law_columns(model.stories)[story - 1], element_yield_drifts(subject)
     try:
-        faults = _branch_faults(model, story)
+        for spring, column, yield_drift in zip(subject.springs, columns, yields, strict=True):
+            law = LAWS[spring.law.name]
+            with faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
+                faults += path_faults(law, parameters[:, column], yield_drift, GuardedArray.of)
     except AnalysisError as error:
         # The cyclic test below would fail with a less clear message.
         return [str(error)]
-    has_height = model.stories[story - 1].height is not None
+    has_height, name = subject.height is not None, subject.law_text
     path = cyclic_test(
         model, story, ["0.5%", "1%", "2%"] if has_height else ["5mm", "10mm", "20mm"], points=2000
     ).path
@@ -546,27 +553,4 @@ def check_law(model: Model, story: int) -> list[str]:
         )
     if np.any(np.diff(path.hysteretic_energy) < -_ENERGY * np.max(np.abs(work))):
         faults.append(f"law {name}: the dissipated energy decreases")
-    return faults
-
-
-def _branch_faults(model: Model, story: int) -> list[str]:
-    """Compare the declared branches and the declared curvature of the hysteresis model of a story
-    (from 1) with its force.
-
-    The model is executed in plain Python with checks of array bounds (`path_faults`). AnalysisError
-    is raised if its functions cannot be executed, or use undeclared rows.
-    """
-    building, subject = assemble(model), model.stories[story - 1]
-    faults = []
-    for spring, column, yield_drift in zip(
-        subject.springs,
-        law_columns(model.stories)[story - 1],
-        element_yield_drifts(subject),
-        strict=True,
-    ):
-        law = LAWS[spring.law.name]
-        with faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
-            faults += path_faults(
-                law, building.law_parameters[:, column], yield_drift, GuardedArray.of
-            )
     return faults

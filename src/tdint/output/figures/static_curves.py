@@ -133,7 +133,11 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
         figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     )
     draw_curve(curve, result, units)
-    _draw_profile(profile, result, units)
+    drifts = [
+        (result.drift_at_largest, DASHES[1], COLORS[0], "at the maximum base shear"),
+        (result.drift[-1], DASHES[0], COLORS[0], "at the end"),
+    ]
+    _draw_profile(profile, result, units, drifts)
     return titled(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
 
 
@@ -206,7 +210,11 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     curve.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     n2 = next(result for result in results if result.method == "n2")
     _draw_oscillator(adrs, n2, units)
-    drifts = [(result.drift, i + 1, result.method) for i, result in enumerate(results)]
+    # Different dashes, because two methods often result in the same drifts.
+    drifts = [
+        (result.drift, DASHES[i % len(DASHES)], COLORS[i], result.method)
+        for i, result in enumerate(results, start=1)
+    ]
     _draw_profile(profile, pushed, units, drifts)
     return titled(
         figure,
@@ -273,26 +281,13 @@ def _draw_profile(
     axes: Any,
     result: Pushover,
     units: OutputUnits,
-    drifts: Sequence[tuple[Array, int, str]] | None = None,
+    drifts: Sequence[tuple[Array, Any, str, str]],
 ) -> None:
-    """Plot story drifts over the stories; drift ratios if the heights of all stories are known.
-
-    By default, the drifts (m, number of color, label) are the drifts at the maximum base shear
-    (dashed) and at the end.
-    """
+    """Plot story drifts (m, dashes, color, label) over the stories; drift ratios if the heights of
+    all stories are known."""
     heights = np.array([story.drift_height for story in result.model.stories], float)
     scale, axis_label = drift_scale(heights, units)
-    # Different dashes, because two methods often result in the same drifts.
-    lines = [
-        (drift, DASHES[number % len(DASHES)], COLORS[number], label)
-        for drift, number, label in drifts or ()
-    ]
-    if not lines:
-        lines = [
-            (result.drift_at_largest, DASHES[1], COLORS[0], "at the maximum base shear"),
-            (result.drift[-1], DASHES[0], COLORS[0], "at the end"),
-        ]
-    for drift, dashes, color, label in lines:
+    for drift, dashes, color, label in drifts:
         over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=color, label=label)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
