@@ -8,7 +8,6 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -359,7 +358,36 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
         if parts := [part for part in chapter.parts if _has_content(part)]:
             contents.append(Chapter(chapter.title, parts))
-    lay_out = partial(_lay_out, title, about, contents, page_text, software)
+
+    def lay_out(scale: float, last_chapters: int = 0) -> _Flow:
+        """Return the layout with the relative height `scale` of the figures and with a page break
+        before the last `last_chapters` chapters (0: no page break)."""
+        flow = _Flow(scale)
+        flow.text("h1", escape(title), height=_LINE)
+        if page_text.head:
+            lines = (
+                f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
+            )
+            flow.text("p", "<br>".join(lines), more=' class="h"')
+        # CSS classes of the verdict, which is the first paragraph. Warnings precede all numbers.
+        classes = {None: "v", True: "v kept", False: "v broken"}
+        for is_met, text in page_text.verdict:
+            flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
+        flow.text("p", _html(about))
+        for part in page_text.answer:
+            _add(flow, part)
+        for text in once(page_text.warnings):
+            flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
+        for index, chapter in enumerate(contents):
+            flow.add_postponed()
+            on_new_page = len(contents) - index == last_chapters
+            flow.heading(chapter.title, chapter.parts[0], on_new_page=on_new_page)
+            for part in chapter.parts:
+                _add(flow, part)
+        flow.add_postponed(last=True)
+        flow.text("p", f"Made by {escape(software)}.")
+        return flow
+
     # The cost of reduced figures is at most 1 - min(_SCALES). A higher cost means that a nearly
     # blank page remains; then page breaks before the last chapters are tried as well.
     flow = min(map(lay_out, _SCALES), key=lambda layout: layout.cost)
@@ -381,45 +409,6 @@ _SCALES = tuple(1.0 - 0.04 * step for step in range(9))
 
 _LAST_CHAPTERS = (1, 2, 3)
 """Numbers of chapters at the end, before which a page break is tried."""
-
-
-def _lay_out(
-    title: str,
-    about: str,
-    chapters: Sequence[Chapter],
-    page_text: PageText,
-    software: str,
-    scale: float,
-    last_chapters: int = 0,
-) -> _Flow:
-    """Return the layout of a report with the relative height `scale` of the figures and with a page
-    break before the last `last_chapters` chapters (0: no page break).
-    """
-    flow = _Flow(scale)
-    flow.text("h1", escape(title), height=_LINE)
-    if page_text.head:
-        lines = (
-            f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
-        )
-        flow.text("p", "<br>".join(lines), more=' class="h"')
-    # CSS classes of the verdict, which is the first paragraph. Warnings precede all numbers.
-    classes = {None: "v", True: "v kept", False: "v broken"}
-    for is_met, text in page_text.verdict:
-        flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
-    flow.text("p", _html(about))
-    for part in page_text.answer:
-        _add(flow, part)
-    for text in once(page_text.warnings):
-        flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
-    for index, chapter in enumerate(chapters):
-        flow.add_postponed()
-        on_new_page = len(chapters) - index == last_chapters
-        flow.heading(chapter.title, chapter.parts[0], on_new_page=on_new_page)
-        for part in chapter.parts:
-            _add(flow, part)
-    flow.add_postponed(last=True)
-    flow.text("p", f"Made by {escape(software)}.")
-    return flow
 
 
 def _has_content(part: Part) -> bool:

@@ -280,36 +280,27 @@ def over_periods_title(
 
 
 _Curve = tuple["Spectrum", str, dict[str, Any]]
-"""Line in the units of the figure, with its label (empty for none) and its style."""
+"""Line with its label (empty for none) and its style."""
 
 
-def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
-    """Return the lines of a figure as tuples of a spectrum in the units of the figure, a label and
-    a line style.
+def _curves(spectra: Sequence[Spectrum], labels: Sequence[str]) -> list[_Curve]:
+    """Return the lines of a figure as tuples of a spectrum, a label and a line style.
 
     There is a line per spectrum. A suite has gray lines, and a median for each damping ratio.
     """
-    shown = [
-        replace(
-            spectrum,
-            sd=units.of(spectrum.sd, "m"),
-            psv=units.of(spectrum.psv, "m/s"),
-            psa=units.of(spectrum.psa, "m/s^2"),
-        )
-        for spectrum in spectra
-    ]
     if not is_suite(spectra):
-        plot_styles = (line_style(i) | {"zorder": 3} for i in range(len(shown)))
-        return list(zip(shown, labels, plot_styles, strict=True))
+        plot_styles = (line_style(i) | {"zorder": 3} for i in range(len(spectra)))
+        return list(zip(spectra, labels, plot_styles, strict=True))
     gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
     curves = [
-        (spectrum, "single components" if i == 0 else "", gray) for i, spectrum in enumerate(shown)
+        (spectrum, "single components" if i == 0 else "", gray)
+        for i, spectrum in enumerate(spectra)
     ]
     ratios = dict.fromkeys(spectrum.damping for spectrum in spectra)
     for i, ratio in enumerate(ratios):
         selected = [
             spectrum
-            for spectrum, is_included in zip(shown, in_median(spectra), strict=True)
+            for spectrum, is_included in zip(spectra, in_median(spectra), strict=True)
             if is_included and spectrum.damping == ratio
         ]
         medians = {
@@ -320,7 +311,7 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
         if len(ratios) > 1:
             label += f", {100.0 * ratio:g} %"
         style = line_style(i) | {"zorder": 3, "linewidth": 2.0}
-        curves.append((replace(shown[0], **medians), label, style))
+        curves.append((replace(spectra[0], **medians), label, style))
     return curves
 
 
@@ -353,13 +344,13 @@ def draw_tripartite(
     """
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
-    curves = _curves(spectra, labels, units)
+    curves = _curves(spectra, labels)
     for curve, _, style in curves:
         indices = _positive(curve)
-        axes.plot(curve.periods[indices], curve.psv[indices], **style)
+        axes.plot(curve.periods[indices], units.of(curve.psv[indices], "m/s"), **style)
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
     axes.set(xlabel="period (s)", ylabel=f"pseudo-velocity PSV ({units.label('m/s')})")
-    values = np.concatenate([curve.psv[_positive(curve)] for curve, *_ in curves])
+    values = units.of(np.concatenate([curve.psv[_positive(curve)] for curve, *_ in curves]), "m/s")
     if values.size:
         axes.set_yscale("log")
         low, high = float(np.min(values)), float(np.max(values))
@@ -446,10 +437,11 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
     """Plot pseudo-acceleration over displacement (ADRS); rays from the origin mark periods."""
     figure = Figure(figsize=(7.0, 6.4), layout="constrained")
     axes = figure.subplots()
-    curves = _curves(spectra, labels, units)
+    curves = _curves(spectra, labels)
     for curve, _, style in curves:
         order = np.argsort(curve.periods, kind="stable")
-        axes.plot(curve.sd[order], curve.psa[order], **style)
+        values = units.of(curve.sd[order], "m"), units.of(curve.psa[order], "m/s^2")
+        axes.plot(*values, **style)
     axes.set(xlim=(0.0, None), ylim=(0.0, None))
     axes.margins(0.05)
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
