@@ -6,14 +6,14 @@ Tables of runs are in `responses`.
 from __future__ import annotations
 
 import math
-from itertools import islice
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdint.arrays import Array
 from tdint.model.building import period
-from tdint.model.story_laws import LAWS, default_numbers
+from tdint.model.story_laws import default_numbers, named_parameters
 from tdint.output.tables.table import (
     FLOOR,
     METHOD_SPEC,
@@ -405,17 +405,12 @@ def _law_words(law: Law, units: OutputUnits) -> str:
     Parameters are omitted if their value is the default, or if the negative side is equal to the
     positive side.
     """
-    # The law stores the values of all its parameters in a single sequence: two for each point of a
-    # backbone, all remaining numbers for a list, and one number for any other parameter.
-    numbers = iter(law.parameters)
     parameter_texts: list[str] = []
     values_by_name: dict[str, tuple[float, ...]] = {}
-    for parameter in LAWS[law.name].parameters:
-        if parameter.points:
-            value_count: int | None = 2 * parameter.points
-        else:
-            value_count = None if parameter.many else 1
-        values = tuple(islice(numbers, value_count))
+    named = zip(named_parameters(law), law.parameters, strict=True)
+    for parameter, group in groupby(named, key=lambda item: item[0][-1]):
+        numbers = list(group)
+        values = tuple(value for _, value in numbers)
         default = default_numbers(parameter, values_by_name)
         values_by_name.setdefault(parameter.name, values)
         # Omit a parameter with its default, or with the value that has no effect (`without`).
@@ -434,12 +429,10 @@ def _law_words(law: Law, units: OutputUnits) -> str:
             )
         elif parameter.choices:
             text = parameter.choices[int(values[0])]
-        elif parameter.many:  # coefficient j has the dimension force / length^j
-            text = ", ".join(
-                _in_units(value, 1, -j, units) for j, value in enumerate(values, start=1)
-            )
         else:
-            text = _in_units(values[0], parameter.force, parameter.length, units)
+            text = ", ".join(
+                _in_units(value, force, length, units) for (_, force, length, _), value in numbers
+            )
         parameter_texts.append(f"{parameter.path} {text}")
     return f"{law.name}: {', '.join(parameter_texts)}" if parameter_texts else law.name
 
