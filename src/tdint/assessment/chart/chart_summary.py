@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from tdint.ground_motion.record import Record
@@ -113,23 +113,18 @@ def field_summary(
     recommended methods.
     """
     peaks = [name.replace("-", "_") for name in PEAKS]
-    names = (
-        "name",
-        "motion",
-        "reason",
-        "stories",
-        "interval",
-        "duration",
-        "ductility",
-        "changes",
-        "confirmed_by",
-    )
+    # The accuracy of the reference and the points have other forms.
+    omitted = ("gap", "points", "peer_gap", "peer_note")
     return {
         "schema": schema("profiles"),
         "command": "chart",
         "method_parameters": _parameters_of(chart.lines),
         "problems": [
-            {name: getattr(case, name) for name in names}
+            {
+                field.name: getattr(case, field.name)
+                for field in fields(case)
+                if field.name not in omitted
+            }
             | {
                 "reference": "impulse4, 32 time steps per interval",
                 "gap": asdict(case.gap),
