@@ -15,6 +15,7 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.damping import rayleigh
 from tdint.model.topology import incidence, springs_of
+from tdint.response.overview import overview
 
 STORIES = (
     "{mass: 100, height: 3, stiffness: 90000}, {repeat: 3, mass: 100, height: 3, stiffness: 80000}"
@@ -242,6 +243,11 @@ def test_only_laws_that_differ_by_direction_need_the_lower_end_first(equal, law)
     else:
         with pytest.raises(ModelError, match="`from` must be below `to` for a law that differs"):
             read(f"links: [{{{link}}}]")
+
+
+def test_height_of_a_building_is_that_of_its_stories():
+    """Attachments and links have no height, and do not make the height unknown."""
+    assert overview(io.StringIO(f"stories: [{STORIES}]\n{DEVICES}")).height == 12.0
 
 
 def test_initial_state_of_attachments_and_p_delta_of_their_weight():

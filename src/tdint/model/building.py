@@ -96,11 +96,11 @@ class Building:
 
     @property
     def height_contributions(self) -> Array:
-        """Height that each story contributes to the building, m, shape (n,); zero for isolators.
+        """Height that each story contributes to the building, m, shape (floors,).
 
-        It is nan for stories without a height.
+        It is zero for isolators and nan for stories without a height.
         """
-        contributions = self.heights.copy()
+        contributions = self.heights[: self.floors].copy()
         contributions[list(self.isolators)] = 0.0
         return contributions
 

@@ -129,6 +129,28 @@ def test_elastic_building_has_elastic_target_displacement():
     assert n2.strength_ratio < 1.0
 
 
+def test_devices_are_ignored_and_isolators_have_no_drift_ratio():
+    """A pushover ignores attachments and dashpots between floors, and so do its target
+    displacements."""
+    target = "ec8:type=1,soil=C,ag=0.2g"
+    floor = {"mass": 1e5, "height": 3.0, "stiffness": 5e7}
+    bearings = {"mass": 1e5, "stiffness": 4e6, "isolator": True}
+    bearings |= {"law": {"type": "bilinear", "yield_force": 1e5, "hardening": 0.1}}
+    devices = {
+        "attachments": [{"name": "absorber", "floor": 3, "mass": 1e4, "stiffness": 1e5}],
+        "links": [{"from": "ground", "to": 2, "dashpot": 1e5}],
+    }
+    bare = {"stories": [bearings, floor, floor]}
+    results = [
+        target_displacements(pushover(building, "4%", points=POINTS), target)
+        for building in (bare, bare | devices)
+    ]
+    for without, with_devices in zip(*results, strict=True):
+        assert with_devices.roof_displacement == without.roof_displacement
+        assert np.array_equal(with_devices.drift_ratio, without.drift_ratio, equal_nan=True)
+        assert np.isnan(without.drift_ratio).tolist() == [True, False, False]
+
+
 def test_idealized_curves_balance_areas():
     """The curve of hardening stories in series has a corner at the yielding of each story. The
     idealized curves of both methods have the same area up to the target displacement, and the first

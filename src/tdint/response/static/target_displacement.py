@@ -232,7 +232,9 @@ def target_displacements(
     if not 0.0 < mass_factor <= 1.0:
         raise UsageError(f"mass_factor must be above 0 and at most 1, got {mass_factor!r}")
     demand = read_target(target) if isinstance(target, str) else target
-    building, curve = assemble(replace(pushed.model, damping=None)), _PushoverCurve.of(pushed)
+    # Without attachments and links, like the curve
+    model = replace(pushed.model, damping=None, attachments=(), links=())
+    building, curve = assemble(model), _PushoverCurve.of(pushed)
     # The displacement shape of the equivalent oscillator is 1 at the roof.
     shape = pushed.forces / building.mass
     shape /= shape[-1]
@@ -524,7 +526,7 @@ def _result(
         **vars(idealized),
         base_shear=curve.response_at(idealized.roof_displacement)[0],
         drift=drift,
-        drift_ratio=drift / building.height_contributions,
+        drift_ratio=drift / building.heights,
         ductility=drift / yield_drift,
         notes=notes,
     )
