@@ -33,6 +33,8 @@ class DamageDemand:
     ----------
     unit : str
         SI unit; 1 for a ratio.
+    quantity : str
+        Quantity of a run (`run_values.RUN`) that determines the demand.
     per : str
         Divisor of the roof displacement: `height` or `participation`; empty for demands that are
         not computed from the roof displacement.
@@ -40,21 +42,30 @@ class DamageDemand:
 
     unit: str
     meaning: str
+    quantity: str
     per: str = ""
 
 
 DEMANDS = {
-    "drift_ratio": DamageDemand("1", "maximum peak drift divided by story height"),
+    "drift_ratio": DamageDemand(
+        "1", "maximum peak drift divided by story height", "peak_drift_ratio"
+    ),
     "roof_drift_ratio": DamageDemand(
-        "1", "maximum displacement of the roof divided by the height of the building", "height"
+        "1",
+        "maximum displacement of the roof divided by the height of the building",
+        "peak_roof_displacement",
+        "height",
     ),
     "residual_drift_ratio": DamageDemand(
-        "1", "maximum drift at the end of the run, divided by story height"
+        "1", "maximum drift at the end of the run, divided by story height", "residual_drift_ratio"
     ),
-    "acceleration": DamageDemand("m/s^2", "maximum absolute acceleration of a floor"),
+    "acceleration": DamageDemand(
+        "m/s^2", "maximum absolute acceleration of a floor", "peak_absolute_acceleration"
+    ),
     "spectral_displacement": DamageDemand(
         "m",
         "maximum displacement of the roof divided by the participation factor of the first mode",
+        "peak_roof_displacement",
         "participation",
     ),
 }

@@ -11,9 +11,10 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -128,12 +129,12 @@ LEVELS = ("pre", "low", "moderate", "high")
 """Design levels from the weakest to the strongest."""
 
 
-@dataclass(frozen=True)
-class HazusType:
-    """Row of the table of building types.
+@cache
+def hazus_types() -> Mapping[tuple[str, str], SimpleNamespace]:
+    """Return the rows of the table of building types by design level and type.
 
-    Attributes
-    ----------
+    Attributes of a row
+    -------------------
     design_level, type : str
         Item of `LEVELS`; type with its height class, such as C1M.
     min_stories, max_stories : float
@@ -154,32 +155,12 @@ class HazusType:
     slight_drift_ratio, moderate_drift_ratio, extensive_drift_ratio, complete_drift_ratio : float
         Median drift ratios of the damage states.
     """
-
-    design_level: str
-    type: str
-    min_stories: float
-    max_stories: float
-    yield_acceleration_g: float
-    overstrength: float
-    post_yield_ratio: float
-    pinching: float
-    unloading_exponent: float
-    period_per_story_s: float
-    damping_ratio: float
-    slight_drift_ratio: float
-    moderate_drift_ratio: float
-    extensive_drift_ratio: float
-    complete_drift_ratio: float
-
-
-@cache
-def hazus_types() -> Mapping[tuple[str, str], HazusType]:
-    """Return the rows of the table by design level and type."""
     text = (files("tdint.model") / "hazus_types.csv").read_text(encoding="utf-8")
-    text_columns = ("design_level", "type")
-    names = [field.name for field in fields(HazusType)]
+    keys = ("design_level", "type")
     rows = (
-        HazusType(*(row[name] if name in text_columns else float(row[name]) for name in names))  # type: ignore[arg-type]
+        SimpleNamespace(
+            **{name: cell if name in keys else float(cell) for name, cell in row.items()}
+        )
         for row in csv.DictReader(text.splitlines())
     )
     return {(row.design_level, row.type): row for row in rows}

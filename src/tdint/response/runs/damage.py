@@ -24,15 +24,6 @@ from tdint.model.story import Story
 from tdint.response.runs.outcome import StoryPeaks
 from tdint.response.runs.run_values import demand_cells
 
-RUN_QUANTITIES = {
-    "drift_ratio": "peak_drift_ratio",
-    "roof_drift_ratio": "peak_roof_displacement",
-    "residual_drift_ratio": "residual_drift_ratio",
-    "acceleration": "peak_absolute_acceleration",
-    "spectral_displacement": "peak_roof_displacement",
-}
-"""Name of the quantity of the runs that determines each demand of damage states."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class RunDamage:
@@ -135,7 +126,7 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> RunDamage |
     # The divisor converts a peak of the run to the demand, for example a displacement to a ratio.
     (cells,) = demand_cells(stories)
     divisor, _ = divisor_and_period_of_model(model, states.demand)
-    demand = np.array([abs(cells[RUN_QUANTITIES[states.demand]])]) / divisor
+    demand = np.array([abs(cells[DEMANDS[states.demand].quantity])]) / divisor
     return RunDamage(
         states=states,
         status=[status],

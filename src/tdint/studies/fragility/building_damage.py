@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
 from tdint.csv_table import number as cell_number
-from tdint.model.damage_states import COST, NUMBER, DamageStates
+from tdint.model.damage_states import COST, DEMANDS, NUMBER, DamageStates
 from tdint.model.status import DONE, FALLEN
-from tdint.response.runs.damage import RUN_QUANTITIES, RunDamage, probabilities
+from tdint.response.runs.damage import RunDamage, probabilities
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import level_ranks
@@ -86,7 +86,7 @@ def building_damages(
     if not (types or common_states):
         return
     # All types have damage states of the same demand, so that one column of the runs is sufficient.
-    column = _COLUMNS[RUN_QUANTITIES[(common_states or next(iter(types.values()))).demand]]
+    column = _COLUMNS[DEMANDS[(common_states or next(iter(types.values()))).demand].quantity]
     names = store.buildings() if common_states else {}
     query = (
         f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM "
