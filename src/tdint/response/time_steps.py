@@ -32,8 +32,6 @@ class Steps:
         `per_sample` time steps cover `stride` sampling intervals.
     end : float
         Requested end, s. The last step ends at this time or less than one step after it.
-    done : int
-        Number of steps that are already completed.
     continues : bool
         True if the run continues after its end while a peak could still be exceeded; False if
         the user has requested the end.
@@ -46,7 +44,6 @@ class Steps:
     per_sample: int = 1
     stride: int = 1
     end: float = field(default=math.inf, compare=False)
-    done: int = 0
     continues: bool = field(default=False, compare=False)
     note: str = field(default="", compare=False)
 
@@ -154,11 +151,10 @@ def _count(duration: float, h: float) -> int:
     return max(1, math.ceil(count))
 
 
-def finer(steps: Steps) -> Steps:
-    """Return time steps of half the length over the same duration.
-
-    `done` is not changed.
-    """
-    if steps.per_sample == 1 and steps.stride % 2 == 0:
-        return replace(steps, h=steps.h / 2, count=2 * steps.count, stride=steps.stride // 2)
-    return replace(steps, h=steps.h / 2, count=2 * steps.count, per_sample=2 * steps.per_sample)
+def finer(steps: Steps, parts: int = 2) -> Steps:
+    """Return time steps that are a part of the given steps, by default the half, over the same
+    duration."""
+    steps = replace(steps, h=steps.h / parts, count=parts * steps.count)
+    if steps.per_sample == 1 and steps.stride % parts == 0:
+        return replace(steps, stride=steps.stride // parts)
+    return replace(steps, per_sample=parts * steps.per_sample)

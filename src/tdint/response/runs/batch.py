@@ -295,26 +295,30 @@ def run_batch(
 
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
+
+    def integrate(i: int) -> Response:
+        """Integrate run `i` individually."""
+        run_case, steps = case(i), runs[i][2]
+        integrate_case = run_with_error_estimate if check else Case.integrate
+        if not to_rest:
+            return integrate_case(run_case, steps, has_history)
+        # The run ends at the requested time, so that no drift change after this time is estimated.
+        return run_until_rest(
+            run_case,
+            steps,
+            lambda duration: integrate_case(
+                run_case, run_case.steps(steps.h, duration), has_history
+            ),
+        )
+
     # Error estimates require a second run of each run, and an unstable time step an error message
     # of each run.
-    if check or prepared.instability(subject.integrator, h):
-        outcomes = Outcomes.of(
-            prepared.building, BatchResult.empty(len(runs), prepared.building), to_rest
-        )
-        for i, (_, _, steps) in enumerate(runs):
-            outcomes.replace(
-                i,
-                partial(
-                    _integrate_individually,
-                    case(i),
-                    steps,
-                    check=check,
-                    to_rest=to_rest,
-                    history=has_history,
-                ),
-            )
-        return outcomes
     building = prepared.building
+    if check or prepared.instability(subject.integrator, h):
+        outcomes = Outcomes.of(building, BatchResult.empty(len(runs), building), to_rest)
+        for i in range(len(runs)):
+            outcomes.replace(i, partial(integrate, i))
+        return outcomes
     every, on_history = histories or (1, None)
     batch = prepared.integrate_batch(
         subject.integrator,
@@ -334,19 +338,6 @@ def run_batch(
         else:
             outcomes.replace(i, partial(run_case.review_batch_run, steps, batch, i, has_history))
     return outcomes
-
-
-def _integrate_individually(
-    case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool
-) -> Response:
-    """Integrate a run individually, with the options of `run_batch`."""
-    integrate = run_with_error_estimate if check else Case.integrate
-    if not to_rest:
-        return integrate(case, steps, history)
-    # The run ends at the requested time, so that no drift change after this time is estimated.
-    return run_until_rest(
-        case, steps, lambda duration: integrate(case, case.steps(steps.h, duration), history)
-    )
 
 
 def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:

@@ -284,9 +284,7 @@ def _steps_without_record(case: Case, steps: Steps) -> Steps:
     if periods <= (1.0 + _SAME) / _LONG_OF_PERIOD:
         return finer(steps)
     parts = min(math.ceil(_SHORT_OF_PERIOD * periods), _MOST_PARTS)
-    return replace(
-        steps, h=steps.h / parts, count=steps.count * parts, per_sample=steps.per_sample * parts
-    )
+    return finer(steps, parts)
 
 
 def shorter_steps(steps: Steps) -> Steps:
@@ -295,9 +293,8 @@ def shorter_steps(steps: Steps) -> Steps:
     Their length is half the length of `steps`, or a sampling interval if a step covers at least
     `_LONG_STEP` sampling intervals.
     """
-    if steps.per_sample == 1 and steps.stride >= _LONG_STEP:
-        return replace(steps, h=steps.h / steps.stride, count=steps.count * steps.stride, stride=1)
-    return finer(steps)
+    is_long = steps.per_sample == 1 and steps.stride >= _LONG_STEP
+    return finer(steps, steps.stride if is_long else 2)
 
 
 def with_error_estimate(
@@ -388,15 +385,8 @@ def with_error_estimate(
     return replace(response, check=check)
 
 
-class _AllPeaks(NamedTuple):
-    """Peaks and bounds of all stories, attachments and links, for `story_errors`."""
-
-    stories: StoryPeaks
-    interstep_bound: StoryErrors
-
-
-def _with_devices(response: Response) -> Response | _AllPeaks:
-    """Return the peaks of a response with those of its attachments and links, if there are any.
+def _with_devices(response: Response) -> Response:
+    """Return a response whose stories contain its attachments and links, too, if there are any.
 
     The minima of the errors are common to all these peaks.
     """
@@ -404,9 +394,10 @@ def _with_devices(response: Response) -> Response | _AllPeaks:
     if devices is None:
         return response
     assert devices.interstep_bound is not None
-    return _AllPeaks(
-        each_array(join_arrays, response.stories, devices.stories),
-        each_array(join_arrays, response.interstep_bound, devices.interstep_bound),
+    return replace(
+        response,
+        stories=each_array(join_arrays, response.stories, devices.stories),
+        interstep_bound=each_array(join_arrays, response.interstep_bound, devices.interstep_bound),
     )
 
 
@@ -487,8 +478,8 @@ def _peaks_after(case: Case, steps: Steps, first: int) -> StoryPeaks | None:
 
 
 def story_errors(
-    response: Response | EventResponse | _AllPeaks,
-    other: Response | EventResponse | _AllPeaks,
+    response: Response | EventResponse,
+    other: Response | EventResponse,
     by: EstimateFactors = _LOW_ORDER,
     *,
     start: StoryPeaks | None = None,
@@ -531,8 +522,8 @@ def story_errors(
 
 
 def _missed_excess(
-    response: Response | EventResponse | _AllPeaks,
-    finer_run: Response | EventResponse | _AllPeaks | None,
+    response: Response | EventResponse,
+    finer_run: Response | EventResponse | None,
     start: StoryPeaks | None,
     name: str,
 ) -> Array:

@@ -483,7 +483,7 @@ class PreparedBuilding:
             space.steps_per_row, space.rows_before = every, first_row
             space.history = np.zeros((min(row_count, total_rows - first_row), width))
             loop = self.loop(integrator, steps.h, ground, space)
-            if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
+            if self._integrate_interruptibly(loop, replace(steps, count=last), done) < 0:
                 return
             if len(space.history):
                 yield space
@@ -511,7 +511,7 @@ class PreparedBuilding:
         for done, last in pairwise(
             (*(first for first in firsts if first < steps.count), steps.count)
         ):
-            if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
+            if self._integrate_interruptibly(loop, replace(steps, count=last), done) < 0:
                 return
             yield space
             _reset_peaks(integrator, space, slice(None))
@@ -693,13 +693,12 @@ class PreparedBuilding:
 
         return integrate_steps
 
-    def _integrate_interruptibly(self, loop: Loop, steps: Steps) -> int:
-        """Integrate the steps after `steps.done` in calls of about `_CALL_SECONDS` seconds.
+    def _integrate_interruptibly(self, loop: Loop, steps: Steps, done: int = 0) -> int:
+        """Integrate the steps after the first `done` in calls of about `_CALL_SECONDS` seconds.
 
         Python handles an interrupt (Ctrl-C) only between two calls. The result is 0 or the negative
         code of the failed step.
         """
-        done = steps.done
         size = max(_FIRST_CALL_SIZE // (self.building.stories * (1 + len(self.building.modal))), 1)
         if self.building.system is not None:
             size = steps.count  # the loop in Python can be interrupted at any time

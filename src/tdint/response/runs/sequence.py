@@ -26,7 +26,7 @@ from tdint.response.runs.error_estimate import (
 )
 from tdint.response.runs.outcome import EventResponse, Response
 from tdint.response.runs.run import run_case
-from tdint.response.time_steps import Steps, choose_steps
+from tdint.response.time_steps import Steps
 
 
 @dataclass(frozen=True)
@@ -87,16 +87,16 @@ def sequence_of(
     if not records:
         raise UsageError("a sequence must contain at least one record")
     events, starts, restless = at_one_interval(records), [0], []
-    steps = _steps(case, events[0], dt)  # only the number of samples in a step is used
+    # Only the number of samples in a step is used. The duration in the analysis section of the model
+    # does not apply to a sequence.
+    steps = case.throughout(events[0]).steps(dt)
     for number, event in enumerate(events[:-1], start=1):
         last = starts[-1] + event.acceleration.size - 1
         if rest is not None:
             begin = last + rest_intervals(rest, event.dt)
         else:
-            preceding = join_records(events[:number], starts)
-            steps_to_rest, at_rest = extend_to_rest(
-                case.under(preceding), _steps(case, preceding, dt)
-            )
+            preceding = case.throughout(join_records(events[:number], starts))
+            steps_to_rest, at_rest = extend_to_rest(preceding, preceding.steps(dt))
             # Convert time steps to samples. If a step is shorter than the sampling interval, there
             # are `per_sample` steps in an interval and `stride` is 1; if it is longer, a step
             # covers `stride` samples and `per_sample` is 1.
@@ -210,15 +210,3 @@ def _first_steps(sequence: EventSequence, steps: Steps) -> list[int]:
     The ground acceleration of an event starts to change at the sample before its first sample.
     """
     return [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
-
-
-def _steps(case: Case, record: Record, dt: float | None) -> Steps:
-    """Return the time steps over a complete record. If dt (s) is None, the model or the record
-    determines the time step.
-
-    The duration in the model's analysis section is not used, because it does not apply to a
-    sequence.
-    """
-    return choose_steps(
-        case.model.analysis.dt if dt is None else dt, None, record.dt, record.duration
-    )
