@@ -509,10 +509,11 @@ def read_stories(
     stories: list[Story] = []
     count: int | None = 0  # number of stories; None after an error in `repeat`
     for entry in entries:
-        if has_matrix or entry.peek("flexural"):
-            story, repeat = _read_entry_without_spring(entry, unit, p_delta)
-        else:
-            story, repeat = _read_entry(entry, unit, p_delta)
+        story, repeat = Story(math.nan, None, math.nan, LINEAR, math.nan), None
+        if section := entry.section(_STORY):
+            is_linear = has_matrix or entry.peek("flexural") is not None
+            read = _read_story_without_spring if is_linear else _read_story
+            story, repeat = read(section, unit, p_delta), section.read("repeat", 1)
         # Check the number before the stories are created, because a `repeat` of a billion would
         # fill the memory. An invalid `repeat` (None) counts as one story.
         if len(stories) + (repeat or 1) > MAX_STORIES:
@@ -525,13 +526,8 @@ def read_stories(
     return tuple(stories), count or None
 
 
-def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, int | None]:
-    """Return the story of a single entry and its number of repetitions, which is None after an
-    error.
-    """
-    section = entry.section(_STORY)
-    if section is None:
-        return Story(math.nan, None, math.nan, LINEAR, math.nan), None
+def _read_story(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
+    """Return the story of a single entry."""
     story_p_delta = section.read("p_delta")
     if p_delta if story_p_delta is None else story_p_delta:
         height_entry = section.need(
@@ -561,7 +557,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     has_rayleigh_damping = section.read("rayleigh", is_damped_isolator or not is_isolator)
     if is_damped_isolator and not has_rayleigh_damping:
         section.value.fault("give either `isolator: rayleigh` or `rayleigh: false`, not both")
-    story = Story(
+    return Story(
         mass,
         height,
         stiffness,
@@ -574,8 +570,6 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         damper_factor,
         story_p_delta,
     )
-
-    return story, section.read("repeat", 1)
 
 
 _OF_SPRINGS = (
@@ -591,15 +585,8 @@ _OF_SPRINGS = (
 """Keys of stories that need a spring of the story."""
 
 
-def _read_entry_without_spring(
-    entry: Value, unit: ModelUnits, p_delta: bool
-) -> tuple[Story, int | None]:
-    """Return the story of an entry whose stiffness is `flexural` or in a matrix, and its number of
-    repetitions; as `_read_entry`."""
-    story = Story(math.nan, None, math.nan, LINEAR, 0.0)
-    section = entry.section(_STORY)
-    if section is None:
-        return story, None
+def _read_story_without_spring(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
+    """Return the story of an entry whose stiffness is `flexural` or in a matrix."""
     section.refuse(
         _OF_SPRINGS,
         f"`flexural` and `stiffness_matrix` are linear and replace {', '.join(_OF_SPRINGS)} of "
@@ -617,13 +604,14 @@ def _read_entry_without_spring(
             stiffness.number("EI", scale=unit.factor(force=1, length=2)),
             stiffness.number("GA", scale=unit.force, default=math.inf),
         )
-    story = replace(
-        story,
-        mass=read_mass(section, unit, NOT_NEGATIVE),
-        height=height.number(scale=unit.length) if height else None,
+    return Story(
+        read_mass(section, unit, NOT_NEGATIVE),
+        height.number(scale=unit.length) if height else None,
+        math.nan,
+        LINEAR,
+        0.0,
         flexural=flexural,
     )
-    return story, section.read("repeat", 1)
 
 
 def read_spring(

@@ -87,8 +87,8 @@ def sequence_of(
     if not records:
         raise UsageError("a sequence must contain at least one record")
     events, starts, restless = at_one_interval(records), [0], []
-    # Only the number of samples in a step is used. The duration in the analysis section of the model
-    # does not apply to a sequence.
+    # Only the number of samples in a step is used. The duration in the analysis section of the
+    # model does not apply to a sequence.
     steps = case.throughout(events[0]).steps(dt)
     for number, event in enumerate(events[:-1], start=1):
         last = starts[-1] + event.acceleration.size - 1
