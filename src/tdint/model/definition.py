@@ -126,6 +126,7 @@ class Force(NamedTuple):
     omega: float
 
 
+@dataclass(frozen=True, repr=False)
 class LoadTable:
     """Times and values of forces, from a file or from the points of a model file.
 
@@ -147,27 +148,16 @@ class LoadTable:
         SHA-256 of `data`.
     """
 
-    def __init__(
-        self, source: str, columns: tuple[str, ...], data: NDArray[np.float64], sha256: str = ""
-    ) -> None:
-        self.source = source
-        self.sha256 = sha256
-        self.columns = columns
-        self.data = data
+    source: str
+    columns: tuple[str, ...]
+    data: NDArray[np.float64] = field(compare=False)
+    sha256: str = field(default="", compare=False)
+    digest: str = field(init=False)
+
+    def __post_init__(self) -> None:
         import hashlib  # most models have no tables of forces
 
-        self.digest = hashlib.sha256(data.data).hexdigest()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, LoadTable) and self._identity == other._identity
-
-    def __hash__(self) -> int:
-        return hash(self._identity)
-
-    @property
-    def _identity(self) -> tuple[object, ...]:
-        """Values that determine if two tables are equal."""
-        return self.source, self.columns, self.digest
+        object.__setattr__(self, "digest", hashlib.sha256(self.data.data).hexdigest())
 
     @property
     def times(self) -> NDArray[np.float64]:

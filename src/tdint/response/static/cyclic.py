@@ -237,9 +237,7 @@ def cyclic_test(
     AnalysisError
         The law has no finite force along the path.
     """
-    model = model_of(model)
-    _check_story(model, story)
-    model = _with_element_only(model, story, element)
+    model = _with_tested_element(model_of(model), story, element)
     if len(sizes) * cycles * 4 * points > MAX_CYCLE_POINTS:
         raise UsageError(
             f"{len(sizes) * cycles} cycles of {4 * points} points exceed the maximum of "
@@ -278,8 +276,7 @@ def path_test(
     AnalysisError
         The law has no finite force along the path.
     """
-    _check_story(model, story)
-    model = _with_element_only(model, story, element)
+    model = _with_tested_element(model, story, element)
     if not 1 <= len(drifts) <= MAX_CYCLE_POINTS:
         raise UsageError(
             f"a path must have from 1 to {MAX_CYCLE_POINTS:,} drifts, got {len(drifts):,}"
@@ -313,21 +310,18 @@ def _test(
     )
 
 
-def _check_story(model: Model, story: int) -> None:
-    """Raise UsageError if the model does not have the story."""
+def _with_tested_element(model: Model, story: int, element: str | None) -> Model:
+    """Return the model, in which the tested story consists of one of its elements, without P-delta,
+    if the name of an element is given.
+
+    UsageError is raised if the story or the element does not exist.
+    """
     model.require_springs("the test of a law")
     if not 1 <= story <= len(model.stories):
         raise UsageError(
             f"story {story} not found: the model has {pluralize(len(model.stories), 'story')}, "
             "numbered from 1 at the bottom"
         )
-
-
-def _with_element_only(model: Model, story: int, element: str | None) -> Model:
-    """Return the model with an element as the only spring of a story, and without P-delta.
-
-    P-delta is a property of the story. Without `element`, the model is not changed.
-    """
     if element is None:
         return model
     tested = model.stories[story - 1]
