@@ -49,86 +49,12 @@ the increase of both limits in a table with one row; it decreases with the root 
 rows."""
 
 
-@dataclass(frozen=True)
-class MeanRatio:
-    """Ratio of two means.
+def continuity(table: NDArray[np.float64]) -> tuple[str, str]:
+    """Return the layout of a table by its continuity, `rows`, `columns`, or an empty text if the
+    continuity does not decide, and the ratios for a message; empty if the table is too small.
 
-    Attributes
-    ----------
-    standard_errors : float
-        Difference of the means over its standard error.
-    """
-
-    ratio: float
-    standard_errors: float
-
-    @classmethod
-    def of(cls, first: NDArray[np.float64], second: NDArray[np.float64]) -> MeanRatio:
-        """Return the ratio of the mean absolute values of two arrays."""
-        means = float(np.mean(np.abs(first))), float(np.mean(np.abs(second)))
-        error = sqrt(np.var(np.abs(first)) / first.size + np.var(np.abs(second)) / second.size)
-        return cls(_ratio(*means), _ratio(means[0] - means[1], error))
-
-    def is_one(self, limits: tuple[float, float], wide_limits: tuple[float, float]) -> bool:
-        """Return True if the ratio is within the limits; the wide limits apply if the difference
-        may be random."""
-        is_random = abs(self.standard_errors) < _MAX_STANDARD_ERRORS
-        low, high = wide_limits if is_random else limits
-        return low < self.ratio < high
-
-
-@dataclass(frozen=True)
-class Continuity:
-    """Continuity of a table, row by row.
-
-    Attributes
-    ----------
-    row_ends : MeanRatio
-        Step from the end of a row to the start of the next over the step within rows.
-    bends : MeanRatio
-        Change of the step at row ends over the change of the step within rows.
-    neighbors : float
-        Mean step between neighbors over the mean step between rows.
-    scale, spread : float
-        Maximum over minimum rms of the columns; maximum over minimum mean step between two columns.
-    """
-
-    row_ends: MeanRatio
-    bends: MeanRatio
-    neighbors: float
-    scale: float
-    spread: float
-    rows: int
-
-    @property
-    def layout(self) -> str:
-        """`rows`, `columns`, or an empty text if the continuity does not decide.
-
-        A motion with a period of one row also has small steps between rows. It is distinguished
-        from separate motions by the steps at row ends and by the equal scale of its columns.
-        """
-        scatter = 1.0 / sqrt(self.rows)
-        is_even = self.row_ends.is_one(_STEP_AT_ROW_ENDS, _STEP_AT_ROW_ENDS_OF_SHORT_TABLE)
-        has_equal_columns = self.scale < max(
-            _MAX_SCALE_RATIO, 1.0 + _SCALE_SCATTER * scatter
-        ) and self.spread < max(_MAX_SPREAD, 1.0 + _SPREAD_SCATTER * scatter)
-        if is_even and self.neighbors < _MAX_NEIGHBOR_RATIO:
-            is_smooth = self.bends.is_one(_BEND_AT_ROW_ENDS, _BEND_AT_ROW_ENDS_OF_SHORT_TABLE)
-            return "rows" if has_equal_columns and is_smooth else ""
-        min_ratio = _MIN_RATIO_OF_EVEN_COLUMNS if is_even else _MIN_COLUMN_RATIO
-        is_separate = self.neighbors > min_ratio and not has_equal_columns
-        return "columns" if is_separate else ""
-
-    def __str__(self) -> str:
-        """Return the ratios for a message."""
-        return (
-            f"the mean step at line ends is {self.row_ends.ratio:.2f} of the step within "
-            f"lines, the step between neighbors {self.neighbors:.2f} of the step between lines"
-        )
-
-
-def continuity(table: NDArray[np.float64]) -> Continuity | None:
-    """Return the continuity of a table; None if the table is too small for a decision.
+    A motion with a period of one row also has small steps between rows. It is distinguished from
+    separate motions by the steps at row ends and by the equal scale of its columns.
 
     Parameters
     ----------
@@ -137,22 +63,52 @@ def continuity(table: NDArray[np.float64]) -> Continuity | None:
     """
     rows, width = table.shape
     if width < _MIN_WIDTH or rows < _MIN_ROWS:
-        return None
+        return "", ""
     within = np.diff(table, axis=1)
     row_ends = table[1:, 0] - table[:-1, -1]
-    between_rows = np.diff(table, axis=0)
-    bends = np.concatenate((row_ends - within[:-1, -1], within[1:, 0] - row_ends))
+    neighbors = _ratio_of_means(np.concatenate((within.ravel(), row_ends)), np.diff(table, axis=0))
+    ratios = (
+        f"the mean step at line ends is {_ratio_of_means(row_ends, within):.2f} of the step within "
+        f"lines, the step between neighbors {neighbors:.2f} of the step between lines"
+    )
     rms = np.sqrt(np.mean(table**2, axis=0))
     column_steps = np.mean(np.abs(within), axis=0)
-    neighbors = np.concatenate((within.ravel(), row_ends))
-    return Continuity(
-        row_ends=MeanRatio.of(row_ends, within),
-        bends=MeanRatio.of(bends, np.diff(within, axis=1)),
-        neighbors=MeanRatio.of(neighbors, between_rows).ratio,
-        scale=_ratio(np.max(rms), np.min(rms)),
-        spread=_ratio(np.max(column_steps), np.min(column_steps)),
-        rows=rows,
+    scatter = 1.0 / sqrt(rows)
+    has_equal_columns = _ratio(np.max(rms), np.min(rms)) < max(
+        _MAX_SCALE_RATIO, 1.0 + _SCALE_SCATTER * scatter
+    ) and _ratio(np.max(column_steps), np.min(column_steps)) < max(
+        _MAX_SPREAD, 1.0 + _SPREAD_SCATTER * scatter
     )
+    is_even = _are_equal(row_ends, within, _STEP_AT_ROW_ENDS, _STEP_AT_ROW_ENDS_OF_SHORT_TABLE)
+    if is_even and neighbors < _MAX_NEIGHBOR_RATIO:
+        # Changes of the step at row ends and within rows
+        bends = np.concatenate((row_ends - within[:-1, -1], within[1:, 0] - row_ends))
+        is_smooth = _are_equal(
+            bends, np.diff(within, axis=1), _BEND_AT_ROW_ENDS, _BEND_AT_ROW_ENDS_OF_SHORT_TABLE
+        )
+        return "rows" if has_equal_columns and is_smooth else "", ratios
+    min_ratio = _MIN_RATIO_OF_EVEN_COLUMNS if is_even else _MIN_COLUMN_RATIO
+    return "columns" if neighbors > min_ratio and not has_equal_columns else "", ratios
+
+
+def _are_equal(
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    limits: tuple[float, float],
+    wide_limits: tuple[float, float],
+) -> bool:
+    """Return True if the ratio of the mean absolute values of two arrays is within the limits; the
+    wide limits apply if the difference may be random."""
+    sizes, others = np.abs(first), np.abs(second)
+    error = sqrt(np.var(sizes) / sizes.size + np.var(others) / others.size)
+    is_random = abs(_ratio(np.mean(sizes) - np.mean(others), error)) < _MAX_STANDARD_ERRORS
+    low, high = wide_limits if is_random else limits
+    return low < _ratio_of_means(first, second) < high
+
+
+def _ratio_of_means(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    """Return the ratio of the mean absolute values of two arrays."""
+    return _ratio(np.mean(np.abs(first)), np.mean(np.abs(second)))
 
 
 def _ratio(numerator: np.floating | float, denominator: np.floating | float) -> float:

@@ -608,19 +608,18 @@ def _layout_of(
     # With line numbers and a single other column, there is no choice.
     if len(table.ignored) == width - 1:
         return "columns", ""
-    evidence = continuity(values[:, int(is_numbered) :])
-    found = evidence.layout if evidence else ""
+    found, evidence = continuity(values[:, int(is_numbered) :])
     if layout.column and found == "rows":
-        raise _no_columns(str(evidence))
+        raise _no_columns(evidence)
     if layout.rows or found == "rows":
-        return kind, str(evidence) if found == "rows" else "as specified by `rows`"
+        return kind, evidence if found == "rows" else "as specified by `rows`"
     # Rows of samples may have a shorter last line, columns may not.
     is_complete = numbers.widths[-1] == width
     if layout.column and not is_complete:
         raise _irregular(block, numbers)
     if layout.column or (found == "columns" and is_complete):
         return "columns", ""
-    reason = str(evidence) if evidence else _NO_EVIDENCE.get(width, f"only {len(values)} lines")
+    reason = evidence or _NO_EVIDENCE.get(width, f"only {len(values)} lines")
     columns = tuple(str(index + 1) for index in range(width) if index not in table.ignored)
     raise incomplete(
         f"the table that starts in line {block.line_numbers[0]} has {width} values per line, and "
