@@ -169,6 +169,7 @@ def measure(record: Record) -> Measures:
         ("displacement", stored_pgd, motion.pgd, "m"),
     )
     del motion  # its arrays are as large as the record
+    size = record.acceleration.size
     peak_notes = [
         f"the peak {name} is from the {name} in the file; integration from rest gives "
         f"{integrated_peak:.4g} {unit}"
@@ -185,7 +186,11 @@ def measure(record: Record) -> Measures:
         trailing_zeros=trailing,
         notes=(
             *peak_notes,
-            *_zero_notes(record.acceleration.size, leading, trailing),
+            *(
+                f"the {position} {zeros} of {size} samples are zero; check whether zeros were added"
+                for position, zeros in (("first", leading), ("last", trailing))
+                if max(_ZERO_FRACTION * size, _MIN_REPORTED_ZEROS) < zeros < size
+            ),
             *map(str, doubts),
         ),
         added={
@@ -331,7 +336,13 @@ def _new_codes(records: Sequence[Record]) -> list[list[str]]:
     """Return network, station, location and channel of records without distinct codes, as described
     in `channels_of`."""
     # Imported here, because a run does not need the module.
-    from tdint.ground_motion.horizontals import motion_names, with_component
+    from tdint.ground_motion.horizontals import (
+        at_right_angles,
+        azimuth,
+        is_vertical,
+        motion_names,
+        with_component,
+    )
 
     components = [with_component(record, in_degrees=True).component for record in records]
     by_motion: dict[str, list[int]] = {}
@@ -340,30 +351,22 @@ def _new_codes(records: Sequence[Record]) -> list[list[str]]:
     codes: dict[int, list[str]] = {}
     numbers = count(1)
     for indices in by_motion.values():
-        channels, is_pair = _new_channels([components[index] for index in indices])
-        common_number = next(numbers) if is_pair else 0
+        names = [components[index] for index in indices]
+        channels = ["HNZ" if is_vertical(name) else "HN1" for name in names]
+        horizontal = [name for name in names if not is_vertical(name)]
+        # With a horizontal pair, all components are channels of one station.
+        common_number = 0
+        if channels.count("HNZ") < 2 and len(horizontal) == 2 and at_right_angles(*horizontal):
+            common_number = next(numbers)
+            first, second = map(azimuth, horizontal)
+            axes = ["HNN", "HNE"] if {first, second} == {0.0, 90.0} else ["HNX", "HNY"]
+            # The second axis is clockwise from the first.
+            is_clockwise = ((second or 0.0) - (first or 0.0)) % 360.0 <= 180.0
+            pair = iter(axes if is_clockwise else axes[::-1])
+            channels = [next(pair) if channel == "HN1" else channel for channel in channels]
         for index, channel in zip(indices, channels, strict=True):
             codes[index] = ["", f"R{common_number or next(numbers):02d}", "", channel]
     return [codes[index] for index in range(len(records))]
-
-
-def _new_channels(components: Sequence[str]) -> tuple[list[str], bool]:
-    """Return the channels of the components of a motion, and True if two of them are a horizontal
-    pair, so that all are channels of one station."""
-    # Imported here, because a run does not need the module.
-    from tdint.ground_motion.horizontals import at_right_angles, azimuth, is_vertical
-
-    channels = ["HNZ" if is_vertical(name) else "HN1" for name in components]
-    horizontal = [name for name in components if not is_vertical(name)]
-    is_pair = channels.count("HNZ") < 2 and len(horizontal) == 2 and at_right_angles(*horizontal)
-    if is_pair:
-        first, second = map(azimuth, horizontal)
-        axes = ["HNN", "HNE"] if {first, second} == {0.0, 90.0} else ["HNX", "HNY"]
-        # The second axis is clockwise from the first.
-        is_clockwise = ((second or 0.0) - (first or 0.0)) % 360.0 <= 180.0
-        pair = iter(axes if is_clockwise else axes[::-1])
-        channels = [next(pair) if channel == "HN1" else channel for channel in channels]
-    return channels, is_pair
 
 
 def cumulative_energy(record: Record) -> Array:
@@ -878,12 +881,3 @@ def _doubts(record: Record, motion: Motion) -> list[_Doubt]:
             )
         )
     return doubts
-
-
-def _zero_notes(size: int, leading: int, trailing: int) -> list[str]:
-    """Return notes about many zeros at the start or at the end of `size` samples."""
-    return [
-        f"the {position} {zeros} of {size} samples are zero; check whether zeros were added"
-        for position, zeros in (("first", leading), ("last", trailing))
-        if max(_ZERO_FRACTION * size, _MIN_REPORTED_ZEROS) < zeros < size
-    ]

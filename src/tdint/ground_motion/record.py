@@ -177,7 +177,26 @@ class Record(Tabular):
         RecordError
             The samples or the sampling interval are invalid.
         """
-        samples = _validated_samples(self.acceleration, self.source)
+        label = self.source or "record"
+        array = np.asanyarray(self.acceleration)
+        if masked := masked_samples(array):
+            raise RecordError(f"{label}: {pluralize(masked, 'sample')} masked; fill or remove them")
+        if array.dtype.kind not in "iuf":  # signed integers, unsigned integers, floats
+            raise RecordError(
+                f"{label}: the acceleration must be real numbers, got {array.dtype.name}"
+            )
+        if array.ndim != 1 or array.size < 2:
+            raise RecordError(
+                f"{label}: the acceleration must be a one-dimensional array of at least two "
+                f"samples, got shape {array.shape}"
+            )
+        samples = np.ascontiguousarray(array, dtype=np.float64)
+        if not np.isfinite(samples).all():
+            first = int(np.argmin(np.isfinite(samples)))
+            raise RecordError(
+                f"{label}: samples must be finite, got {samples[first]} for sample {first} "
+                "(counted from 0)"
+            )
         dt = self.dt
         if (
             isinstance(dt, bool)
@@ -185,8 +204,7 @@ class Record(Tabular):
             or not 0.0 < float(dt) < math.inf
         ):
             raise RecordError(
-                f"{self.source or 'record'}: the sampling interval must be a positive number of "
-                f"seconds, got {dt!r}"
+                f"{label}: the sampling interval must be a positive number of seconds, got {dt!r}"
             )
         # The dataclass is frozen, so its attributes can only be replaced by object.__setattr__.
         object.__setattr__(self, "dt", float(dt))
@@ -263,32 +281,6 @@ def masked_samples(samples: NDArray[Any]) -> int:
     """
     # A plain array has no mask. Returning early avoids the import of numpy.ma at startup.
     return 0 if type(samples) is np.ndarray else int(np.sum(np.ma.getmaskarray(samples)))
-
-
-def _validated_samples(acceleration: Any, source: str) -> NDArray[np.float64]:
-    """Return acceleration samples (m/s^2) as a contiguous float64 array, without a copy if
-    possible. RecordError is raised if they are masked, or not a one-dimensional array of at least
-    two finite real numbers.
-    """
-    label = source or "record"
-    array = np.asanyarray(acceleration)
-    if masked := masked_samples(array):
-        raise RecordError(f"{label}: {pluralize(masked, 'sample')} masked; fill or remove them")
-    if array.dtype.kind not in "iuf":  # signed integers, unsigned integers, floats
-        raise RecordError(f"{label}: the acceleration must be real numbers, got {array.dtype.name}")
-    if array.ndim != 1 or array.size < 2:
-        raise RecordError(
-            f"{label}: the acceleration must be a one-dimensional array of at least two samples, "
-            f"got shape {array.shape}"
-        )
-    samples = np.ascontiguousarray(array, dtype=np.float64)
-    if not np.isfinite(samples).all():
-        first = int(np.argmin(np.isfinite(samples)))
-        raise RecordError(
-            f"{label}: samples must be finite, got {samples[first]} for sample {first} (counted "
-            "from 0)"
-        )
-    return samples
 
 
 def component_names(records: Sequence[Record]) -> list[str]:

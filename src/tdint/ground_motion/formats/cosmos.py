@@ -220,6 +220,8 @@ def _series(
         integers[index] for index in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
     )
     second = reals[_SECOND]
+    origin = header.match(_ORIGIN)
+    origin_time = f"{origin[1]} {origin[2]}" if origin else ""
     is_utc = unknown not in (year, month, day, hour, minute, second) and header.match(_UTC)
     return Series(
         samples.astype(np.int32) if is_counts else samples,
@@ -227,16 +229,9 @@ def _series(
         units,
         **_codes(header),
         start=moment(year, month, day, hour, minute, second) if is_utc else None,
-        event=_event(header),
+        event=" ".join(f"{header.field(_EVENT)} {origin_time}".split()),
         peak=header.peak(_PEAK, units),
     )
-
-
-def _event(header: Header) -> str:
-    """Return the name and the origin time (UTC) of the event, if the lines of text state them."""
-    origin = header.match(_ORIGIN)
-    origin_time = f"{origin[1]} {origin[2]}" if origin else ""
-    return " ".join(f"{header.field(_EVENT)} {origin_time}".split())
 
 
 def _codes(header: Header) -> dict[str, Any]:

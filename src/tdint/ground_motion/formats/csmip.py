@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,7 +179,22 @@ def read_csmip(lines: Lines) -> list[Series]:
         if year < 100:
             year += 1900 if year >= _FIRST_YEAR_OF_1900S else 2000
         started = moment(year, month, day, hour, minute, second, _ZONES[clock[7].upper()])
-    return [replace(series, **_codes(header), peak=peak, start=started, event=_event(header))]
+    name = header.field(_EVENT).strip()
+    stated = header.field(_ORIGIN) or (header.field(_DATE) if name else "")
+    date_text = " ".join(stated.replace(" - ", " ").split())
+    # The channel number is the location code, because several channels may have the same azimuth.
+    channel = header.match(CHANNEL)
+    return [
+        replace(
+            series,
+            station=header.field(_STATION),
+            location=channel[1] if channel else "",
+            channel=code(channel[2]).upper() if channel else "",
+            peak=peak,
+            start=started,
+            event=f"{name} {date_text}".strip(),
+        )
+    ]
 
 
 def _volume_1(lines: Lines, header: Header) -> Series:
@@ -254,21 +268,3 @@ def _width(line: str) -> int:
     `REAL_WIDTH` if the line states no format or a width of 0."""
     match = _FORMAT.search(line)
     return int(match[1]) or REAL_WIDTH if match else REAL_WIDTH
-
-
-def _event(header: Header) -> str:
-    """Return the name of the event and its origin time or date, if the lines of text state them."""
-    name = header.field(_EVENT).strip()
-    stated = header.field(_ORIGIN) or (header.field(_DATE) if name else "")
-    date_text = " ".join(stated.replace(" - ", " ").split())
-    return f"{name} {date_text}".strip()
-
-
-def _codes(header: Header) -> dict[str, Any]:
-    """Return station, location and channel of a channel as keyword arguments of `Series`.
-
-    The channel number is the location code, because several channels may have the same azimuth.
-    """
-    channel = header.match(CHANNEL)
-    channel_codes = {"location": channel[1], "channel": code(channel[2]).upper()} if channel else {}
-    return {"station": header.field(_STATION), **channel_codes}

@@ -33,18 +33,6 @@ def is_esm(lines: list[str]) -> object:
     return lines[0].startswith("EVENT_NAME:") and has_step
 
 
-def _event(header: dict[str, str]) -> str:
-    """Return a text with the name, date and origin time (UTC) of the event that the header states;
-    `header` contains the values by key."""
-    name = header.get("EVENT_NAME", "").replace("_", " ")
-    date = re.fullmatch(r"(\d{4})(\d\d)(\d\d)", header.get("EVENT_DATE_YYYYMMDD", ""))
-    clock = re.match(r"(\d\d)(\d\d)(\d\d)", header.get("EVENT_TIME_HHMMSS", ""))
-    date_and_time = [] if date is None else ["-".join(date.groups())]
-    if date is not None and clock is not None:
-        date_and_time.append(":".join(clock.groups()))
-    return " ".join([*name.split(), *date_and_time])
-
-
 @reader
 def read_esm(lines: Lines) -> list[Series]:
     """Read an ESM file, and return its only component: an acceleration, a velocity or
@@ -79,6 +67,12 @@ def read_esm(lines: Lines) -> list[Series]:
         for match, value in key_matches
         if match and re.fullmatch(NUMBER, value)
     )
+    # Date and origin time (UTC) of the event
+    date = re.fullmatch(r"(\d{4})(\d\d)(\d\d)", header.get("EVENT_DATE_YYYYMMDD", ""))
+    clock = re.match(r"(\d\d)(\d\d)(\d\d)", header.get("EVENT_TIME_HHMMSS", ""))
+    moment = [] if date is None else ["-".join(date.groups())]
+    if date is not None and clock is not None:
+        moment.append(":".join(clock.groups()))
     series = Series(
         lines.numbers(count),
         dt,
@@ -87,7 +81,7 @@ def read_esm(lines: Lines) -> list[Series]:
         station=header.get("STATION_CODE", ""),
         location=header.get("LOCATION", ""),
         network=header.get("NETWORK", ""),
-        event=_event(header),
+        event=" ".join([*header.get("EVENT_NAME", "").replace("_", " ").split(), *moment]),
         start=Header([header.get(_START, "")]).moment(_TIME),
         peak=next(peaks, None),
     )

@@ -150,8 +150,24 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
                     measured=True,
                 )
             )
-        compared = (*component.compared, *compare(statements))
-        stream.append(_trace(component, compared, headonly))
+        # The header of a trace also contains the attributes of tdint.
+        codes = ("network", "station", "location", "channel")
+        header: dict[str, Any] = {name: getattr(component, name) for name in codes} | {
+            "delta": component.dt,
+            "npts": component.samples.size,
+            "tdint_compared": (*component.compared, *compare(statements)),
+            "tdint_peaks": (component.pgv, component.pgd),
+            "tdint_quantity": component.quantity,
+            "tdint_event": component.event,
+            "tdint_origin": component.origin,
+        }
+        if component.start is not None:
+            header["starttime"] = UTCDateTime(component.start)
+        if component.units is not None:
+            header["tdint_units"] = component.units
+            header["tdint_units_from"] = component.units_from
+        samples = () if headonly else (component.samples,)
+        stream.append(Trace(*samples, header=header))
     return stream
 
 
@@ -193,29 +209,6 @@ def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]
         return series
 
     return reader(wraps(read)(read_all))
-
-
-def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
-    """Convert a component to an ObsPy trace with the attributes of tdint in its header.
-
-    `headonly` is True to return the header without samples.
-    """
-    codes = {name: getattr(part, name) for name in ("network", "station", "location", "channel")}
-    header: dict[str, Any] = codes | {
-        "delta": part.dt,
-        "npts": part.samples.size,
-        "tdint_compared": compared,
-        "tdint_peaks": (part.pgv, part.pgd),
-        "tdint_quantity": part.quantity,
-        "tdint_event": part.event,
-        "tdint_origin": part.origin,
-    }
-    if part.start is not None:
-        header["starttime"] = UTCDateTime(part.start)
-    if part.units is not None:
-        header["tdint_units"] = part.units
-        header["tdint_units_from"] = part.units_from
-    return Trace(header=header) if headonly else Trace(part.samples, header=header)
 
 
 def motion_units(text: str) -> str | None:

@@ -442,9 +442,20 @@ def _check_surroundings(
     """
     is_confirmed = not stated.counts.isdisjoint(numbers.sizes)
     later = blocks[main + 1 :]
-    if is_confirmed and _are_integrals(blocks, main, later, stated, numbers):
-        later = []
-    for block in later:
+    # The velocity and the displacement of the acceleration may follow, with the same number of
+    # values. Text must name them: the text above each block, or the header if only blank lines
+    # separate the blocks. A repeated header starts another record.
+    header = set(blocks[main].above)
+    are_integrals = (is_confirmed and len(later) <= 2) and all(
+        (
+            named_integrals([line for line in block.above if line not in header])
+            if block.above
+            else stated.integrals
+        )
+        and block_numbers(block).values.size == numbers.values.size
+        for block in later
+    )
+    for block in [] if are_integrals else later:
         is_remark = is_confirmed and len(" ".join(block.lines).split()) <= 2
         if not is_remark:
             text = block.above[-1].strip()[:40] if block.above else "a blank line"
@@ -490,29 +501,6 @@ def _resembles_number(word: str) -> bool:
     """Return True if a word contains a decimal point and a digit, or marks a missing number."""
     has_point = "." in word and any(map(str.isdecimal, word))
     return has_point or word.lower().lstrip("-") in ("nan", "inf", "null", "none")
-
-
-def _are_integrals(
-    blocks: list[NumberBlock],
-    main: int,
-    later: list[NumberBlock],
-    stated: Statements,
-    numbers: Numbers,
-) -> bool:
-    """Return True if the blocks after the acceleration are its velocity and its displacement.
-
-    They must have the same number of values, and text must name them: the text above each block,
-    or the header if only blank lines separate the blocks. A repeated header starts another record.
-    """
-    if not 0 < len(later) <= 2:
-        return False
-    header = set(blocks[main].above)
-    for block in later:
-        text = [line for line in block.above if line not in header]
-        is_named = bool(named_integrals(text)) if block.above else bool(stated.integrals)
-        if not is_named or block_numbers(block).values.size != numbers.values.size:
-            return False
-    return True
 
 
 def _check_blank_lines(block: NumberBlock) -> None:

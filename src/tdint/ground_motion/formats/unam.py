@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +88,21 @@ def read_unam(lines: Lines) -> list[Series]:
                 f"the sampling interval must be a number, but the header states {step!r}"
             ) from None
 
-    started, event = _times(header)
+    # The date of the first sample is the date of the earthquake, or the day after or before it if
+    # midnight is between the two times.
+    start = None
+    date, origin, first = map(header.match, (_DATE, _ORIGIN, _FIRST))
+    if date and first:
+        year, month, day = map(float, date.groups())
+        hour, minute, second = map(float, first.groups())
+        added_days = round((int(origin[1]) - int(first[1])) / 24) if origin else 0
+        # The last argument is a time zone in hours.
+        start = moment(year, month, day, hour, minute, second, -24.0 * added_days)
+    # The date starts with the year.
+    event = "-".join(date.groups()) if date else ""
+    if date and origin:
+        event += f" {int(origin[1]):02d}:{int(origin[2]):02d}:{int(float(origin[3])):02d}"
+
     # Directions are, for example, N90E, or V for vertical. Other text may precede a direction.
     return [
         Series(
@@ -98,7 +111,7 @@ def read_unam(lines: Lines) -> list[Series]:
             unit,
             channel=code(name.rpartition(";")[2]).upper(),
             station=header.code(_STATION),
-            start=started,
+            start=start,
             event=event,
             peak=stated_peak(peaks[index], _GAL, unit)
             if unit and len(peaks) == len(names)
@@ -151,25 +164,3 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
             f"{pluralize(repeated, 'row')} omitted that repeat the last row stated in the header",
             stacklevel=3,
         )
-
-
-def _times(header: Header) -> tuple[datetime | None, str]:
-    """Return the time of the first sample (UTC; None if the header does not state it or the date)
-    and the date and origin time of the earthquake (empty without a date).
-    """
-    # The date of the first sample is the date of the earthquake, or the day after or before it if
-    # midnight is between the two times.
-    start = None
-    date, origin, first = map(header.match, (_DATE, _ORIGIN, _FIRST))
-    if date and first:
-        year, month, day = map(float, date.groups())
-        hour, minute, second = map(float, first.groups())
-        added_days = round((int(origin[1]) - int(first[1])) / 24) if origin else 0
-        # The last argument is a time zone in hours.
-        start = moment(year, month, day, hour, minute, second, -24.0 * added_days)
-
-    # The date starts with the year.
-    event = "-".join(date.groups()) if date else ""
-    if date and origin:
-        event += f" {int(origin[1]):02d}:{int(origin[2]):02d}:{int(float(origin[3])):02d}"
-    return start, event

@@ -249,37 +249,24 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     matched = matched_clause(origins, len(origins))
     if warned := sum(bool(origin and origin.warnings) for origin in origins):
         matched += f"; {pluralize(warned, 'component')} with warnings of the match"
-    return Suite(
-        suite.motions,
-        (*sources.failures, *suite.failures),
-        (
-            *sources.notes,
-            *suite.notes,
-            *([f"the ground motions are {matched}"] if matched else ()),
-            *_duplicate_notes(suite.records),
-            *baseline_notes_of_suite(suite.records),
-            *sources.count_notes(len({record.inputs[0].file for record in suite.records})),
-        ),
-    )
-
-
-def _duplicate_notes(records: Sequence[Record]) -> list[str]:
-    """Return a warning if records are copies of other records; otherwise an empty list.
-
-    Duplicates occur if the user specifies a file and its directory, or a motion in two formats.
-    """
-    first = first_copies([[record] for record in records], scaled=False)
+    notes = [*sources.notes, *suite.notes]
+    if matched:
+        notes.append(f"the ground motions are {matched}")
+    # The user may specify a file and its directory, or a motion in two formats.
+    originals = first_copies([[record] for record in suite.records], scaled=False)
     duplicates = [
-        f"{records[index].name} is {records[original].name}"
-        for index, original in enumerate(first)
+        f"{suite.records[index].name} is {suite.records[original].name}"
+        for index, original in enumerate(originals)
         if original != index
     ]
-    if not duplicates:
-        return []
-    return [
-        "the same ground motion is included more than once in all means: "
-        f"{abbreviate(duplicates, _MAX_NAMES)}"
-    ]
+    if duplicates:
+        notes.append(
+            "the same ground motion is included more than once in all means: "
+            f"{abbreviate(duplicates, _MAX_NAMES)}"
+        )
+    notes += baseline_notes_of_suite(suite.records)
+    notes += sources.count_notes(len({record.inputs[0].file for record in suite.records}))
+    return Suite(suite.motions, (*sources.failures, *suite.failures), tuple(notes))
 
 
 def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:

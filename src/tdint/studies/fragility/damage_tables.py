@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import chain
 from typing import Any
@@ -362,54 +362,41 @@ def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
         if not math.isnan(mean_loss):
             key = group.inventory_entry, group.level
             curves.setdefault(key, []).append((mean_loss, group))
+    rates = store.rates()
     for (inventory_entry, level), curve in curves.items():
         curve.sort(key=lambda loss_and_event: -loss_and_event[0])
         group_cell = [cell_text(inventory_entry)] if by else []
-        for event, cells in _curve_cells(curve, store.rates(), costs=costs):
-            yield [*group_cell, level, cell_text(event), *cells, *pair_demand]
-
-
-def _curve_cells(
-    curve: Sequence[tuple[float, TypeDamage]], rates: Mapping[str, float], *, costs: bool
-) -> Iterator[tuple[str, list[float]]]:
-    """Yield each event of a loss curve (by decreasing mean loss) with its cells in exceedance.csv,
-    from `rate` to `cumulative_annual_loss`. Losses are amounts of money (`costs`) or loss ratios.
-    """
-    event_rates = np.array([rates[event.event] for _, event in curve])
-    means = np.array([mean_loss for mean_loss, _ in curve])
-    # The maximum loss is the loss in the most severe damage state. It is a divisor in `_exceeding`.
-    # If the losses of all states are zero, mean and deviation are zero as well, and every positive
-    # divisor gives the same result.
-    maxima = np.array(
-        [
-            (event.value if costs else 1.0) * (max(event.states.outcome_losses) or 1.0)
-            for _, event in curve
-        ]
-    )
-    annual_losses = event_rates * means
-    for index, (mean_loss, event) in enumerate(curve):
-        # The exceedance rate with this scatter is computed for independent and for fully correlated
-        # buildings.
-        rates_with_scatter = []
-        for assumption in range(len(_CORRELATIONS)):
-            deviations = np.array([other.scatter[assumption] for _, other in curve])
-            probabilities = _exceeding(mean_loss, means, deviations, maxima)
-            rates_with_scatter.append(float(event_rates @ probabilities))
-        error = float((event.money if costs else event.loss).error[0])
-        # The events before this event have larger mean losses, so the rate of exceedance is the sum
-        # of the rates up to this event.
-        exceedance_rate = float(np.sum(event_rates[: index + 1]))
-        cumulative_annual_loss = float(np.sum(annual_losses[: index + 1]))
-        yield (
-            event.event,
+        event_rates = np.array([rates[event.event] for _, event in curve])
+        means = np.array([mean_loss for mean_loss, _ in curve])
+        annual_losses = event_rates * means
+        deviations = np.array([event.scatter for _, event in curve]).T
+        # The maximum loss is the loss in the most severe damage state. It is a divisor in
+        # `_exceeding`. If the losses of all states are zero, mean and deviation are zero as well,
+        # and every positive divisor gives the same result.
+        maxima = np.array(
             [
+                (event.value if costs else 1.0) * (max(event.states.outcome_losses) or 1.0)
+                for _, event in curve
+            ]
+        )
+        for index, (mean_loss, event) in enumerate(curve):
+            # The exceedance rate with the scatter is computed for independent and for fully
+            # correlated buildings. The events before this event have larger mean losses, so the
+            # rate of exceedance is the sum of the rates up to this event.
+            yield [
+                *group_cell,
+                level,
+                cell_text(event.event),
                 event_rates[index],
                 mean_loss,
-                error,
+                float((event.money if costs else event.loss).error[0]),
                 *event.scatter,
-                exceedance_rate,
-                *rates_with_scatter,
+                float(np.sum(event_rates[: index + 1])),
+                *(
+                    float(event_rates @ _exceeding(mean_loss, means, sd, maxima))
+                    for sd in deviations
+                ),
                 annual_losses[index],
-                cumulative_annual_loss,
-            ],
-        )
+                float(np.sum(annual_losses[: index + 1])),
+                *pair_demand,
+            ]

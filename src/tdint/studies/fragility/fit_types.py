@@ -283,15 +283,25 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     if request.fit == STRIPES and not has_stripes:
         raise UsageError(NO_COMMON_LEVELS)
     selected_fit = request.fit or (STRIPES if has_stripes else CLOUD)
+    # Probability that each run reaches or exceeds each state; it is 1 after a collapse.
+    probabilities_of_runs = exceedance(runs.states, runs.demand)
+    probability_columns = np.where(runs.fallen[:, np.newaxis], 1.0, probabilities_of_runs).T
 
     def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        """Fit each state to the runs that a mask selects."""
-        if selected_fit == STRIPES:
-            return _type_stripes(runs, level, is_used)
-        return _type_cloud(runs, request, is_used)
+        """Fit each state to the runs that a mask selects. The error of an impossible fit takes the
+        place of the function."""
+        if selected_fit == CLOUD:
+            return _type_cloud(runs, request, is_used)
+        fits: list[Fragility | AnalysisError] = []
+        # The number of exceedances at a level is the sum of the probabilities of its runs.
+        for probabilities in probability_columns:
+            try:
+                fits.append(fit_levels(runs.im, level, probabilities, is_used))
+            except AnalysisError as error:
+                fits.append(error)
+        return fits
 
     fits = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
-    probability_columns = _exceedance_probabilities(runs).T
     result: list[Fragility | AnalysisError] = []
     for state_fit, median, probabilities in zip(
         fits, runs.states.medians, probability_columns, strict=True
@@ -301,30 +311,6 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
             state_fit = named.beside_counts(runs.im, probabilities, motion=runs.motion)
         result.append(state_fit)
     return result
-
-
-def _exceedance_probabilities(runs: TypeRuns) -> Array:
-    """Return the probability that each run reaches or exceeds each state, shape (runs, states).
-
-    The probability is 1 after a collapse.
-    """
-    return np.where(runs.fallen[:, np.newaxis], 1.0, exceedance(runs.states, runs.demand))
-
-
-def _type_stripes(
-    runs: TypeRuns, level: NDArray[np.intp], is_used: NDArray[np.bool_]
-) -> list[Fragility | AnalysisError]:
-    """Fit each damage state to the probabilities of exceedance at intensity levels; the error of an
-    impossible fit takes the place of the function. The number of exceedances at a level is the sum
-    of the probabilities of its runs.
-    """
-    fits: list[Fragility | AnalysisError] = []
-    for probabilities in _exceedance_probabilities(runs).T:
-        try:
-            fits.append(fit_levels(runs.im, level, probabilities, is_used))
-        except AnalysisError as error:
-            fits.append(error)
-    return fits
 
 
 def _type_cloud(

@@ -306,7 +306,16 @@ class Fragility:
             The copy.
         """
         weight = np.ones(im.size) if runs is None else runs
-        bin_index = _bin_indices(im, weight)
+        # Divide the intensities into at most `BINS` bins with about equal numbers of runs. With few
+        # levels, each level is a bin. Otherwise the bin of a level is determined by the fraction of
+        # the runs below its middle run. Bins may be empty and are renumbered.
+        bin_index = level = levels_of(im)
+        runs_at_level = np.bincount(level, weight)
+        if runs_at_level.size > BINS:
+            fraction_below = np.cumsum(runs_at_level) - 0.5 * runs_at_level
+            fraction_below /= np.sum(runs_at_level)
+            bin_index = np.floor(BINS * fraction_below).astype(np.intp)[level]
+        bin_index = np.unique(bin_index, return_inverse=True)[1]
         # Means over the runs of each bin; the intensity has a geometric mean
         bin_runs = np.bincount(bin_index, weight)
         bin_im = np.exp(np.bincount(bin_index, weight * np.log(im)) / bin_runs)
@@ -467,22 +476,6 @@ def initial_damage(damage: float) -> str:
     `damage` is the drift ratio reached in a previous ground motion; 0 for an undamaged building.
     """
     return f"damaged to {100.0 * damage:g} %" if damage else "intact"
-
-
-def _bin_indices(im: Array, weight: Array) -> NDArray[np.intp]:
-    """Divide intensities into at most `BINS` bins with about equal numbers of runs, and return the
-    index of the bin of each intensity. No bin is empty.
-    """
-    level = levels_of(im)
-    runs_at_level = np.bincount(level, weight)
-    # With few levels, each level is a bin. Otherwise the bin of a level is determined by the
-    # fraction of the runs below its middle run.
-    bin_numbers = level
-    if runs_at_level.size > BINS:
-        fraction_below = (np.cumsum(runs_at_level) - 0.5 * runs_at_level) / np.sum(runs_at_level)
-        bin_numbers = np.floor(BINS * fraction_below).astype(np.intp)[level]
-    # Renumber the bins, because bins may be empty.
-    return np.unique(bin_numbers, return_inverse=True)[1]
 
 
 def extrapolated(functions: Sequence[Fragility]) -> list[str]:

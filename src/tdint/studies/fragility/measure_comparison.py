@@ -197,27 +197,22 @@ def line(
             change = float(linregress(values, residuals).slope)
             p_value = _clustered_p_value(values, residuals, motion)
             dependences.append(Dependence(characteristic, change, p_value))
-    slope, slope_error, r_squared = float(fit.slope), _slope_error(x, y, motion), fit.rvalue**2
-    return MeasureFit(
-        "", "", x.size, 0, slope, slope_error, beta, float(r_squared), tuple(dependences)
-    )
-
-
-def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """Return the jackknife standard error of the slope of the line of y over x, for residuals that
-    are correlated within clusters; nan for fewer than three clusters."""
-    cluster_number = np.unique(cluster, return_inverse=True)[1]
+    # The slope without a ground motion follows from the sums of 1, x, y, x^2 and x y over all runs,
+    # minus the sums over the motion.
+    motion_number = np.unique(motion, return_inverse=True)[1]
     x, y = x - np.mean(x), y - np.mean(y)
-    # The slope without a cluster follows from the sums of 1, x, y, x^2 and x y over all points,
-    # minus the sums over the cluster.
     sums = np.column_stack(
-        [np.bincount(cluster_number, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
+        [np.bincount(motion_number, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
     )
     count, sum_x, sum_y, sum_xx, sum_xy = (sums.sum(axis=0) - sums).T
     with np.errstate(divide="ignore", invalid="ignore"):
         slopes = (sum_xy - sum_x * sum_y / count) / (sum_xx - sum_x**2 / count)
-    # The jackknife variance is m - 1 times the variance of the m slopes without a cluster.
-    return math.sqrt((slopes.size - 1) * float(np.var(slopes))) if slopes.size > 2 else math.nan
+    # The jackknife variance is m - 1 times the variance of the m slopes without a motion.
+    slope_error = math.nan
+    if slopes.size > 2:
+        slope_error = math.sqrt((slopes.size - 1) * float(np.var(slopes)))
+    slope, r_squared = float(fit.slope), float(fit.rvalue**2)
+    return MeasureFit("", "", x.size, 0, slope, slope_error, beta, r_squared, tuple(dependences))
 
 
 def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:

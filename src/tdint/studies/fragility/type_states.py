@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tdint.csv_table import CsvTable, number, number_error, read_table
 from tdint.errors import ModelError, UsageError
@@ -469,9 +469,13 @@ def _states(
     if request.common_states:
         return request.common_states
     if request.source in (HAZUS, CAPACITY):
-        medians = (
-            curve_medians(facts) if isinstance(facts, CapacityFacts) else _hazus_medians(facts)
-        )
+        if isinstance(facts, CapacityFacts):
+            medians = curve_medians(facts)
+        else:
+            # The thresholds of Hazus require an inventory, which contains the facts.
+            assert facts is not None
+            row = hazus_types()[code_of(facts)]
+            medians = tuple(getattr(row, f"{state}_drift_ratio") for state in STATES)
         states = DamageStates(
             request.demand, request.states, medians, request.dispersion or 0.0, request.losses
         )
@@ -488,18 +492,6 @@ def _states(
             f"{request.loss_file}: losses of the class {name!r} not found; add a row for the class"
         )
     return replace(states, losses=classes.losses[name]) if request.loss_file else states
-
-
-def _hazus_medians(facts: Any) -> tuple[float, ...]:
-    """Return the median drift ratios of the four damage states that Hazus specifies for the type
-    and design level of a building. `facts` are the data of the building in the inventory."""
-    row = hazus_types()[code_of(facts)]
-    return (
-        row.slight_drift_ratio,
-        row.moderate_drift_ratio,
-        row.extensive_drift_ratio,
-        row.complete_drift_ratio,
-    )
 
 
 def _model_states(model: Model, models: Sequence[Model]) -> DamageStates:

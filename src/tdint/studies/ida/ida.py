@@ -623,7 +623,10 @@ def _prepare(
         )
     thresholds = settings.thresholds
     if thresholds is None:
-        thresholds = _default_thresholds(model, collapse_drift)
+        # The medians of the damage states of the model, if these are drift ratios
+        is_by_drift = model.damage is not None and model.damage.demand == "drift_ratio"
+        drifts = model.damage.medians if is_by_drift and model.damage else THRESHOLDS
+        thresholds = tuple(drift for drift in drifts if drift <= collapse_drift)
     for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:
             raise UsageError(
@@ -638,15 +641,6 @@ def _prepare(
         method_of(model, method),
     )
     return subject, replace(settings, collapse_drift=collapse_drift, thresholds=thresholds)
-
-
-def _default_thresholds(model: Model, collapse_drift: float) -> tuple[float, ...]:
-    """Return the drift ratios for which capacities are reported by default: the medians of the
-    damage states of the model, if these are drift ratios, otherwise `THRESHOLDS`. Values above the
-    collapse drift ratio are omitted."""
-    is_by_drift = model.damage is not None and model.damage.demand == "drift_ratio"
-    drifts = model.damage.medians if is_by_drift and model.damage else THRESHOLDS
-    return tuple(drift for drift in drifts if drift <= collapse_drift)
 
 
 def _check_heights(model: Model) -> None:

@@ -205,28 +205,21 @@ class _QuadraticProgram:
         """Select the extremes that must equal the target (`is_equality` is changed), and return the
         factor on the damping of each row.
 
-        Rows with a larger difference have less damping.
+        Rows with a larger difference have less damping. The equality of an oscillator is moved to
+        another of its extremes if the damped solution leaves the selected extreme below the target
+        and brings the other extreme closer to it.
         """
         # Differences below 0.01 % are not relevant.
         absolute_shortfall = np.abs(self.shortfall) + 1e-4
         row_damping = np.clip(
             np.median(absolute_shortfall) / absolute_shortfall, *_ROW_DAMPING_LIMITS
         )
-        self._exchange_equalities(damping * row_damping)
-        return np.asarray(row_damping)
-
-    def _exchange_equalities(self, damping: Array) -> None:
-        """Move the equality of an oscillator to another of its extremes if the damped solution
-        leaves the selected extreme below the target and brings the other extreme closer to it.
-        `is_equality` is changed.
-        """
-        # An exchange changes the solution.
         shortfall, is_equality = self.shortfall * self.scales, self.is_equality
         oscillator = self.oscillator
+        # An exchange changes the solution.
         for _ in range(2):
-            remaining_shortfall = (
-                shortfall - self.gram @ solve_program(self.gram, shortfall, is_equality, damping)
-            ) / self.scales
+            solution = solve_program(self.gram, shortfall, is_equality, damping * row_damping)
+            remaining_shortfall = (shortfall - self.gram @ solution) / self.scales
             has_changed = False
             for index in np.flatnonzero(
                 is_equality[: oscillator.size]
@@ -245,7 +238,8 @@ class _QuadraticProgram:
                 ):
                     is_equality[index], is_equality[nearest], has_changed = False, True, True
             if not has_changed:
-                return
+                break
+        return np.asarray(row_damping)
 
     def multipliers(self, required_change: Array, damping: Array) -> NDArray[np.float32]:
         """Solve the quadratic program, and return the multipliers of the unscaled rows.
@@ -311,7 +305,11 @@ class MatchingProblem:
         self.table = recursion_table(self.omega, dt / self.substeps, damping, 2)
         self.table[BY_DISPLACEMENT] = self.omega**2
         self.table[BY_VELOCITY] = 2.0 * damping * self.omega
-        self.envelope = _envelope(scaled_seed, dt)
+        # Smoothed amplitude of the motion, with a maximum of 1
+        window = np.hanning(2 * max(int(_ENVELOPE_WINDOW / dt), 1) + 1)
+        mean_square = np.convolve(np.sum(scaled_seed**2, axis=0), window / window.sum(), "same")
+        self.envelope: Array = np.sqrt(np.maximum(mean_square, 0.0))[:sample_count]
+        self.envelope /= self.envelope.max()
         low_frequency, high_frequency = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
         self.filter_reach = int(3.0 / low_frequency / dt)
         self.size: int = next_fast_len(sample_count + 2 * self.filter_reach, real=True)
@@ -668,18 +666,6 @@ class MatchingProblem:
         return float(np.sum(np.abs(np.log(ratio)) ** _POWERS[is_stepwise])), float(
             np.max(np.abs(ratio - 1.0))
         )
-
-
-def _envelope(scaled_seed: Array, dt: float) -> Array:
-    """Return the smoothed amplitude of a motion, with a maximum of 1, shape (n,).
-
-    `scaled_seed` contains the samples of the motion, m/s^2. `dt` is the sampling interval, s.
-    """
-    window = np.hanning(2 * max(int(_ENVELOPE_WINDOW / dt), 1) + 1)
-    mean_square = np.convolve(np.sum(scaled_seed**2, axis=0), window / window.sum(), "same")
-    envelope = np.sqrt(np.maximum(mean_square, 0.0))[: scaled_seed.shape[1]]
-    envelope /= envelope.max()
-    return np.asarray(envelope)
 
 
 def solve_program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:

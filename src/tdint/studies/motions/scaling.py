@@ -248,37 +248,19 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
     """
     if rule == "mean":
         return fitted
-    peak_factor = 1.0
-    if rule == "ec8":
-        assert fitted.target is not None
-        assert fitted.target.zero is not None
-        peaks = fitted.factors * np.array(
-            [pga().of(motion, fitted.pair) for motion in fitted.motions]
-        )
-        peak_factor = fitted.target.zero / float(np.mean(peaks))
-    minimum_ratio, period = _minimum_average(fitted)
-    common_factor = max(1.0, peak_factor, MIN_AVERAGE_RATIO / minimum_ratio)
-    return replace(
-        fitted,
-        factors=common_factor * fitted.factors,
-        rule=rule,
-        least=(common_factor * minimum_ratio, period),
-    )
-
-
-def _minimum_average(fitted: Scaling) -> tuple[float, float]:
-    """Return the minimum of the average spectrum of a suite divided by the target, over the range
-    of the periods, and the period of the minimum, s.
-
-    The minimum may be between the specified periods. A lower bound between two periods follows from
-    the maximum slope on logarithmic axes (Piyavskii 1972; Shubert 1972). Intervals with a bound
-    below the current minimum are halved. The slope of a spectrum is at most about 1 / (2 damping),
-    as in the resonance curve of an oscillator; the slope of the branches of a code spectrum is at
-    most 2.
-    """
     target, periods = fitted.target, fitted.periods
     assert target is not None
     assert periods is not None
+    peak_factor = 1.0
+    if rule == "ec8":
+        assert target.zero is not None
+        peaks = [pga().of(motion, fitted.pair) for motion in fitted.motions]
+        peak_factor = target.zero / float(np.mean(fitted.factors * np.array(peaks)))
+    # The minimum of the average spectrum divided by the target may be between the specified
+    # periods. A lower bound between two periods follows from the maximum slope on logarithmic axes
+    # (Piyavskii 1972; Shubert 1972). Intervals with a bound below the current minimum are halved.
+    # The slope of a spectrum is at most about 1 / (2 damping), as in the resonance curve of an
+    # oscillator; the slope of the branches of a code spectrum is at most 2.
     max_slope = 0.5 / max(fitted.damping, _MIN_DAMPING) + 2.0
     positive_periods = checked_periods(periods, zero=False)  # for logarithms
     first_period, last_period = float(np.min(positive_periods)), float(np.max(positive_periods))
@@ -306,8 +288,16 @@ def _minimum_average(fitted: Scaling) -> tuple[float, float]:
         lower_bound = 0.5 * (ln_ratio[1:] + ln_ratio[:-1] - max_slope * np.diff(ln_period))
         can_be_lower = lower_bound < np.min(ln_ratio) - _MIN_TOLERANCE
         new_ln_periods = 0.5 * (ln_period[1:] + ln_period[:-1])[can_be_lower]
-    index = int(np.argmin(ln_ratio))
-    return float(np.exp(ln_ratio[index])), float(np.exp(ln_period[index]))
+    minimum_ratio, period = (
+        float(np.exp(values[np.argmin(ln_ratio)])) for values in (ln_ratio, ln_period)
+    )
+    common_factor = max(1.0, peak_factor, MIN_AVERAGE_RATIO / minimum_ratio)
+    return replace(
+        fitted,
+        factors=common_factor * fitted.factors,
+        rule=rule,
+        least=(common_factor * minimum_ratio, period),
+    )
 
 
 def scale_p695(
