@@ -693,14 +693,8 @@ def _by_threshold(
 def _fit_at_threshold(
     threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
 ) -> Fragility | AnalysisError:
-    """Fit a function for a threshold. If it cannot be fitted, return the error instead of raising
-    it, so that the caller can report it with the other functions.
-
-    Parameters
-    ----------
-    threshold : float
-        Demand that is exceeded; NaN if unknown.
-    """
+    """Fit a function for a threshold (NaN if unknown). If it cannot be fitted, return the error
+    instead of raising it, so that the caller can report it with the other functions."""
     try:
         return fit().named(threshold, *names)
     except AnalysisError as error:

@@ -288,8 +288,7 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     probability_columns = np.where(runs.fallen[:, np.newaxis], 1.0, probabilities_of_runs).T
 
     def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        """Fit each state to the runs that a mask selects. The error of an impossible fit takes the
-        place of the function."""
+        """Fit each state to the runs that a mask selects, with errors in place of functions."""
         if selected_fit == CLOUD:
             return _type_cloud(runs, request, is_used)
         fits: list[Fragility | AnalysisError] = []
