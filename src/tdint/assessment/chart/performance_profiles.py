@@ -7,7 +7,7 @@ Mathematical Programming 91:201-213.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import product
@@ -464,15 +464,13 @@ def measure_problem(
         }
     # Repeat the timing of all points that can be the cheapest for some tolerance. Each repetition
     # times every such point, so that a slow phase of the machine affects all points.
-    contenders = _contenders(points.values())
+    contenders = _contenders(points)
     for repetition in range(1, repeats):
         progress("times", 0.8 + 0.2 * repetition / repeats)
-        for (integrator, dt), point in points.items():
-            if point in contenders:
-                response = posed.case(integrator).integrate(posed.steps(dt))
-                points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
-        # Each now has `repetition` + 1 times, all other points have 1.
-        contenders = [point for point in points.values() if len(point.times) == repetition + 1]
+        for integrator, dt in contenders:
+            point = points[integrator, dt]
+            response = posed.case(integrator).integrate(posed.steps(dt))
+            points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
 
     # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
     peak_errors = partial(PeakErrors.between, true_peaks=reference.stories)
@@ -564,23 +562,21 @@ def _points_of_method(
     return points
 
 
-def _contenders(points: Iterable[Point]) -> list[Point]:
-    """Return the points that are, or may become, the cheapest of their line for some tolerance.
+def _contenders(points: Mapping[tuple[Integrator, float], Point]) -> list[tuple[Integrator, float]]:
+    """Return the runs whose points are, or may become, the cheapest of their line for some
+    tolerance.
 
     These points meet the tolerance at a cost of at most `_NEAR` times the minimum of their line.
     """
-    points = list(points)
-    # The keys are the identities of the points, so that each point is included one time.
-    contenders: dict[int, Point] = {}
-    for line, quantity, tolerance in product(
-        dict.fromkeys(point.line for point in points), PEAKS, TOLERANCES
-    ):
-        meeting = within(points, line, quantity, tolerance)
+    lines = dict.fromkeys(point.line for point in points.values())
+    contenders: set[tuple[str, float]] = set()  # lines and time steps
+    for line, quantity, tolerance in product(lines, PEAKS, TOLERANCES):
+        meeting = within(points.values(), line, quantity, tolerance)
         minimum_cost = min((point.fastest for point in meeting), default=math.nan)
         contenders |= {
-            id(point): point for point in meeting if point.fastest <= _NEAR * minimum_cost
+            (line, point.dt) for point in meeting if point.fastest <= _NEAR * minimum_cost
         }
-    return list(contenders.values())
+    return [run for run, point in points.items() if (point.line, point.dt) in contenders]
 
 
 def _opensees_results(
