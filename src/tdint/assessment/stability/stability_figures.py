@@ -43,16 +43,11 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     """
     figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
     grid = figure.add_gridspec(3 if band else 2, 2)
-    radius, decay, period, damping = (
-        figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1)
-    )
+    radius, *others = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
     styles = _curve_styles(curves)
     lines = _draw_quantity(radius, curves, "spectral_radius", styles)
-    for axes, quantity in (
-        (decay, "amplitude_decay"),
-        (period, "period_error"),
-        (damping, "numerical_damping"),
-    ):
+    quantities = ("amplitude_decay", "period_error", "numerical_damping")
+    for axes, quantity in zip(others, quantities, strict=True):
         _draw_quantity(axes, curves, quantity, styles)
     # The additional panel shows the growth near the stability limit of linear acceleration. A
     # logarithmic axis would enlarge rounding errors, so that growth below `_ROUNDING` is omitted.

@@ -187,6 +187,14 @@ def _final_displacement(history: History) -> float:
     return float(history.displacement[-1, 0])
 
 
+def _by_both_methods(dt: float, duration: float, **keys: Any) -> Array:
+    """Return the displacements (m) at the end of a run by `moment4` and by `impulse4`; arguments as
+    for `_oscillator`."""
+    methods = ("moment4", "impulse4")
+    histories = (_oscillator(method, dt, duration, **keys) for method in methods)
+    return np.array(list(map(_final_displacement, histories)))
+
+
 def _free_vibration() -> Array:
     """Return the displacement (m) at 1.3 s of a damped oscillator released at 1 m."""
     start = {"displacement": [1.0], "velocity": [0.0]}
@@ -201,12 +209,7 @@ def _resonance() -> Array:
     force = {
         "excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}
     }
-    return np.array(
-        [
-            _final_displacement(_oscillator(method, 0.01, 4.9, **force))
-            for method in ("moment4", "impulse4")
-        ]
-    )
+    return _by_both_methods(0.01, 4.9, **force)
 
 
 def _sudden_step() -> Array:
@@ -217,10 +220,11 @@ def _sudden_step() -> Array:
     return np.asarray(spectrum(record, np.array([0.3, 1.0, 3.0]), damping=0.0).sd).ravel()
 
 
-_DUFFING = {
-    "type": "polynomial",
-    "coefficients": [100.0, 0.0, 1000.0],
-}  # u'' + 100 u + 1000 u^3 = 0 from 1.5 m
+_DUFFING: dict[str, Any] = {
+    "story": {"law": {"type": "polynomial", "coefficients": [100.0, 0.0, 1000.0]}},
+    "initial": {"displacement": [1.5], "velocity": [0.0]},
+}
+"""Keys of the oscillator u'' + 100 u + 1000 u^3 = 0 released at 1.5 m."""
 
 
 def _duffing_frequency() -> tuple[float, float]:
@@ -240,21 +244,14 @@ def _duffing() -> Array:
     omega, m = _duffing_frequency()
     # The period of cn is 4 K(m), where K is the complete elliptic integral (`ellipk`).
     period = 4.0 * float(ellipk(m)) / omega
-    start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
-    return np.array(
-        [
-            _final_displacement(_oscillator(method, period / 300.0, 13.3 * period, **start))
-            for method in ("moment4", "impulse4")
-        ]
-    )
+    return _by_both_methods(period / 300.0, 13.3 * period, **_DUFFING)
 
 
 def _energy_conservation() -> Array:
     """Return the maximum change of the energy of the Duffing oscillator divided by its initial
     energy, over 200 steps of `moment4`.
     """
-    start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
-    history = _oscillator("moment4", 0.05, 10.0, **start)
+    history = _oscillator("moment4", 0.05, 10.0, **_DUFFING)
     # The energy is the sum of the kinetic energy and of the potential energy of the restoring force
     # 100 u + 1000 u^3.
     u, v = history.displacement[:, 0], history.velocity[:, 0]
