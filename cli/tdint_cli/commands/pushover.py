@@ -132,14 +132,14 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
 
     `targets` contains the target displacements; empty without --target.
     """
-    from tdint.output.building_report import method_name, pushover_page
+    from tdint.output.building_report import METHOD_NAMES, pushover_page
     from tdint.output.page import PageText, page_units
 
     shown_units = page_units(units)
     verdict: list[tuple[bool | None, str]] = []
     for target in targets:
         roof = (
-            f"{method_name(target.method)}: target displacement of the roof "
+            f"{METHOD_NAMES[target.method]}: target displacement of the roof "
             f"{shown_units.text(target.roof_displacement, 'm')}"
         )
         # A note starts with the method, which the sentence already contains. A target displacement

@@ -79,18 +79,11 @@ def pushover_page(
 
 def _with_method_names(table: Table) -> Table:
     """Replace the keys of the methods for target displacements in a table by their names."""
-    return table.with_values("method", lambda key: method_name(str(key)))
+    return table.with_values("method", lambda key: METHOD_NAMES[str(key)])
 
 
-def method_name(key: str) -> str:
-    """Return the name of a method for target displacements and its clause in the building code.
-
-    `key` is `n2` or `coefficients`.
-    """
-    return _METHODS[key]
-
-
-_METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
+METHOD_NAMES = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
+"""Name of each method for target displacements and its clause in the building code."""
 _PUSHOVER_ASSUMPTIONS = (
     "The building is pushed slowly by forces of one pattern, without dashpots and damping; P-delta "
     "effects are included if the model has them.",

@@ -400,15 +400,8 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
         for line in title.splitlines():
             lines += wrap(line, max_letters, break_on_hyphens=False)
         figure.suptitle("\n".join(lines) if printed.title else "")
-    _replace_texts(figure, printed)
-    if printed.width:
-        _fit(figure)
-
-
-def _replace_texts(figure: Figure, printed: PrintedAs) -> None:
-    """Replace ASCII words in the texts of a figure by symbols, and set font sizes for print."""
-    # Tick labels exist only after the figure has been plotted. They do not depend on the layout,
-    # which would need time.
+    # ASCII words are replaced by symbols. Tick labels exist only after the figure has been plotted.
+    # They do not depend on the layout, which would need time.
     engine = figure.get_layout_engine()
     figure.set_layout_engine("none")
     figure.draw_without_rendering()
@@ -423,6 +416,8 @@ def _replace_texts(figure: Figure, printed: PrintedAs) -> None:
         text.set_text(in_print(text.get_text()))
         if printed.width:
             text.set_fontsize(min(max(text.get_fontsize(), _MIN_FONT_SIZE), _MAX_FONT_SIZE))
+    if printed.width:
+        _fit(figure)
 
 
 _MAX_THINNINGS = 3

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.ground_motion.measures import (
     BUILTIN_MEASURES,
@@ -262,15 +263,14 @@ def record_info(record: AnyRecord) -> RecordInfo:
     from tdint.response.arguments import record_of
 
     ground_motion = record_of(record)
-    periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
-    try:
-        intensity = spectrum_intensity(periods, spectrum(ground_motion, periods, SA_DAMPING).psv)
-    except AnalysisError:
-        # The sampling interval is too long for the shortest period of the Housner intensity. The
-        # user did not request this measure, so it is nan and not an error.
-        intensity = math.nan
+    housner = _spectrum(ground_motion, np.linspace(*HOUSNER_PERIODS, _HOUSNER))
+    is_moving = 0.0 < ground_motion.pga < math.inf
+    usual = _spectrum(ground_motion, np.geomspace(*_PREDOMINANT)) if is_moving else None
     return RecordInfo(
-        ground_motion, measure(ground_motion), intensity, _predominant_period(ground_motion)
+        ground_motion,
+        measure(ground_motion),
+        spectrum_intensity(housner.periods, housner.psv) if housner else math.nan,
+        float(usual.periods[int(np.argmax(usual.psa))]) if usual else math.nan,
     )
 
 
@@ -280,18 +280,13 @@ period. They are 1 % apart, which is finer than the width of the peaks of a spec
 damping."""
 
 
-def _predominant_period(record: Record) -> float:
-    """Return the period of the maximum pseudo-acceleration with 5 % damping, s; nan if all samples
-    are zero, or if the spectrum cannot be computed."""
-    first, last, count = _PREDOMINANT
-    periods = np.geomspace(first, last, int(count))
-    if not 0.0 < record.pga < math.inf:
-        return math.nan
+def _spectrum(record: Record, periods: Array) -> Spectrum | None:
+    """Return the spectrum with 5 % damping; None if the sampling interval is too long for the
+    shortest period. The user did not request it, so this is not an error."""
     try:
-        psa = spectrum(record, periods, SA_DAMPING).psa
-    except AnalysisError:  # the sampling interval is too long for the shortest period
-        return math.nan
-    return float(periods[int(np.argmax(psa))])
+        return spectrum(record, periods, SA_DAMPING)
+    except AnalysisError:
+        return None
 
 
 _PAIRED_MEASURES = ("pga", "pgv", "pgd", "arias", "d5-95")
