@@ -13,6 +13,7 @@ from building_cases import noise
 from csv_rows import rows
 from selection import every
 from tdint.errors import UsageError
+from tdint.output.figures.mode_shapes import mode_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.tables.buildings import device_model_table
 
@@ -65,6 +66,14 @@ def test_modes_are_those_of_the_complete_system(folder, tdint):
     printed = tdint("modes", "model.yaml", code=0)
     assert len(rows(printed.stdout)) == 3
     assert "the damping of the stories uses their modes alone" in printed.stderr.replace("\n", " ")
+    shapes = tdint("modes", "model.yaml", "--shapes", code=0).stdout.splitlines()[0].split(",")
+    assert shapes[-3:] == ["floor_1_shape", "floor_2_shape", "water_tank_shape"]
+
+
+def test_figure_of_modes_shows_the_floors_without_attachments(folder):
+    (axes,) = mode_picture(package.modes("model.yaml"), name="").axes
+    shape = axes.lines[1]  # after the line at 0
+    assert shape.get_ydata().tolist() == [0, 1, 2] and shape.get_xdata()[-1] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("units", ["si", "us"])

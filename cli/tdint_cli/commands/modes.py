@@ -107,7 +107,11 @@ def command(
     matrix = building.damping_matrix()
     ratios = modes.own_damping(matrix)
     complex_modes = building.complex_modes() if building.damped_by_devices else None
-    table = tables.buildings.mode_table(modes, ratios, shapes, complex_modes=complex_modes)
+    floors = [f"floor {floor}" for floor in range(1, building.floors + 1)]
+    names = loaded.rows or (*floors, *(attachment.name for attachment in loaded.attachments))
+    table = tables.buildings.mode_table(
+        modes, ratios, shapes, names=names, complex_modes=complex_modes
+    )
     notes = []
     if complex_modes is not None:
         notes.append(

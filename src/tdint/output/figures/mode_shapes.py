@@ -40,7 +40,7 @@ _MAX_MARKED_FLOORS = 20  # maximum number of floors with markers
 
 
 def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
-    """Plot the shapes of the first modes of a building over the floors.
+    """Plot the shapes of the first modes of a building over the floors, without attachments.
 
     Parameters
     ----------
@@ -58,7 +58,8 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
 def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     """Plot the shapes of the first modes over the floors, with their periods in the legend;
     arguments as for `mode_picture`."""
-    shapes = modes.normalized(norm)
+    # The row of the roof is the last one, or is followed by attachments.
+    shapes = modes.normalized(norm)[: modes.roof + 1 or None]
     floors = np.arange(len(shapes) + 1)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
     for mode in range(min(_MAX_MODES, len(floors) - 1)):

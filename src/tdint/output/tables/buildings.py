@@ -6,6 +6,7 @@ Tables of runs are in `responses`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.model.building import period
+from tdint.model.story import column_name
 from tdint.model.story_laws import default_numbers, named_parameters
 from tdint.output.tables.table import (
     FLOOR,
@@ -529,6 +531,7 @@ def mode_table(
     damping: Array | None,
     norm: str | None = None,
     *,
+    names: Sequence[str] = (),
     complex_modes: ComplexModes | None = None,
 ) -> Table:
     """Return the table of the modes of a building, with one row per mode, longest period first.
@@ -541,14 +544,15 @@ def mode_table(
         Damped modes, which add columns.
     norm : str, optional
         Normalization of the mode shapes (`tdint.model.modes.Modes.normalized`). If it is specified,
-        the table has a column with the ordinates of the mode shapes for each floor.
+        the table has a column with the ordinates of the mode shapes for each name.
+    names : sequence of str
+        Names of floors and attachments, or rows of a model of matrices, in the names of columns.
     """
-    shapes = modes.normalized(norm) if norm else ()
+    shapes = zip(names, modes.normalized(norm), strict=True) if norm else ()
     scale_text = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
     meaning = f"ordinate of the mode at the floor, {scale_text}"
     shape_columns = [
-        Column(f"floor_{floor}_shape", "1", shape, meaning)
-        for floor, shape in enumerate(shapes, start=1)
+        Column(f"{column_name(name)}_shape", "1", shape, meaning) for name, shape in shapes
     ]
     columns = (*MODE, mode_damping(damping), *MODE_END)
     shown_shapes = shape_columns, modes if shape_columns else None
