@@ -9,10 +9,10 @@ from pathlib import Path
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.studies.campaign.campaign_tables import status_table
+from tdint.studies.campaign.definition import LoadFiles
 from tdint.studies.campaign.execute import Shard, cluster, threads
 from tdint.studies.campaign.execute import merge as merge_stores
 from tdint.studies.campaign.inputs import read_inputs
-from tdint.studies.campaign.load_cases import LoadFiles
 from tdint.studies.campaign.plan import make_plan
 from tdint.studies.campaign.reader import load_campaign
 from tdint.studies.fragility.measures import run_measure

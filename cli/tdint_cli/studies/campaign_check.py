@@ -33,9 +33,8 @@ def models_in(file: str) -> list[tuple[str, tuple[str, ...]]] | None:
     if not _CAMPAIGN.search(read_source(file).data):
         return None
     # Imported here, because the check of a model file needs no module of campaigns.
-    from tdint.studies.campaign.definition import InventoryFile
+    from tdint.studies.campaign.definition import InventoryFile, LoadFiles
     from tdint.studies.campaign.inputs import check_load_cases, read_rows
-    from tdint.studies.campaign.load_cases import LoadFiles
     from tdint.studies.campaign.reader import load_campaign
     from tdint.studies.regions.unusual_rows import unusual_rows
 

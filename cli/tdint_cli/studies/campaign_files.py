@@ -21,9 +21,8 @@ from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs
 from tdint.output.tables.table import Table
 from tdint.response.runs.outcome import FAILED
 from tdint.studies.campaign.campaign_summary import campaign_summary, without_error
-from tdint.studies.campaign.execute import Advance, Engine, Shard, execute_plan
+from tdint.studies.campaign.execute import Advance, Engine, Shard, execute_plan, reuse_results
 from tdint.studies.campaign.plan import Plan
-from tdint.studies.campaign.reuse import reuse_results
 from tdint.studies.campaign.story_profiles import (
     FloorSuite,
     floor_suites,

@@ -29,7 +29,6 @@ from tdint.output.verdicts import (
 )
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile, profiles
-from tdint.studies.campaign.variant_report import comparison_parts
 from tdint.studies.campaign.variants import at_levels, comparisons, ratios
 from tdint.studies.fragility.damage_tables import check_column
 from tdint.studies.store.result_store import Store
@@ -170,7 +169,7 @@ class SuiteResults:
         The options of the command line determine units and head of the report. By default, they are
         the units and the head of the models if these are equal in all models.
         """
-        from tdint.studies.campaign.suite_report import suite_page
+        from tdint.studies.campaign.suite_report import comparison_parts, suite_page
 
         request = self.request
         # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of

@@ -6,7 +6,6 @@ from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
     from tdint.studies.campaign import campaign_tables as campaign_tables
-    from tdint.studies.campaign import many_run_figures as many_run_figures
     from tdint.studies.campaign import suite_figures as suite_figures
     from tdint.studies.fragility import damage_tables as damage_tables
     from tdint.studies.fragility import fragility_figures as fragility_figures

@@ -52,7 +52,7 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Gradient": Presentation(
         columns=lambda result: tables.responses.gradient_columns(result),
-        picture=lambda result, units: studies.many_run_figures.gradient_picture(result, units),
+        picture=lambda result, units: studies.suite_figures.gradient_picture(result, units),
         alone=True,
         only_si="derivatives are in SI units: units cannot be selected for a gradient",
     ),
@@ -70,8 +70,8 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Runs": Presentation(
         lambda result: tables.values.runs_columns(result),
-        picture=lambda result, units: studies.many_run_figures.runs_picture(result, units),
-        on_axes=lambda ax, result, units: studies.many_run_figures.draw_runs(ax, result, units),
+        picture=lambda result, units: studies.suite_figures.runs_picture(result, units),
+        on_axes=lambda ax, result, units: studies.suite_figures.draw_runs(ax, result, units),
         alone=True,
     ),
     "Scaling": Presentation(

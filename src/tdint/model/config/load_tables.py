@@ -182,7 +182,7 @@ def read_load_file(
     columns : sequence of (int, str)
         Floor and column of each force; the column is empty for the only column of forces.
     scale, start : float
-        As in `tdint.studies.campaign.load_cases.LoadFiles`.
+        As in `tdint.studies.campaign.definition.LoadFiles`.
     unit : float | str
         Factor to N of columns without a unit, or the reason why a unit is required.
 

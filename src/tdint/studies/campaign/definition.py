@@ -21,7 +21,6 @@ from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Val
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
 from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, Levels, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
-from tdint.studies.campaign.load_cases import LoadFiles
 from tdint.studies.fragility.type_states import DamageRequest
 from tdint.studies.regions.inventory import InventoryRows
 
@@ -449,6 +448,27 @@ class SequenceFile:
     file: str
     choice: RecordChoice
     rest: float | None
+
+
+@dataclass(frozen=True)
+class LoadFiles:
+    """Load cases in files.
+
+    Attributes
+    ----------
+    files : tuple of str
+        CSV files, one per load case.
+    columns : tuple of (int, str)
+        Floor and column of each force. The floor 0 is the roof of each building; an empty column is
+        the only column of forces.
+    scale, start : float
+        Factor on the values, and time that is added to the times (s).
+    """
+
+    files: tuple[str, ...]
+    columns: tuple[tuple[int, str], ...]
+    scale: float = 1.0
+    start: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,9 @@ from tdint.model.config.model_file import load_model
 from tdint.model.config.record_files import RecordFiles
 from tdint.model.damage_states import COST, NUMBER
 from tdint.model.definition import Model
-from tdint.model.keys.fields import resolve
-from tdint.number_parsing import abbreviate
+from tdint.model.keys.fields import ROOF, resolve
+from tdint.number_parsing import abbreviate, pluralize
+from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.assigned_motions import (
     CampaignMotions,
     FactorTable,
@@ -48,13 +49,14 @@ from tdint.studies.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
     InventoryFile,
+    LoadFiles,
     ParameterSweep,
     SequenceFile,
 )
-from tdint.studies.campaign.load_cases import LoadFiles, read_load_cases
 from tdint.studies.fragility.type_states import ClassDamage, read_class_damage
 from tdint.studies.regions.inventory import InventoryRows, read_inventory
 from tdint.studies.regions.sites import factors_in, read_field, read_grid
+from tdint.units import FORCE
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
 _MOST_NAMES = 10  # names listed in a message
@@ -435,6 +437,60 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
     return CampaignMotions(tuple(motions), tuple(failures), tuple(notes))
+
+
+def read_load_cases(
+    requested: LoadFiles, models: Sequence[Model], rows: InventoryRows | None, source: str
+) -> CampaignMotions:
+    """Read the files of load cases.
+
+    Returns
+    -------
+    CampaignMotions
+        One motion per file, and the errors of files that cannot be used.
+
+    Raises
+    ------
+    ModelError
+        A building does not have a floor that is loaded.
+    RecordError
+        No file can be used; the message has one line per reason.
+    """
+    # Imported here, because only campaigns of load cases read tables of forces.
+    from tdint.model.config.load_tables import read_load_file
+
+    highest = max(floor for floor, _ in requested.columns)
+    heights = [(model.name, len(model.stories)) for model in models]
+    if rows is not None:
+        lowest = int(rows.stories.argmin())
+        heights.append((rows[lowest].id, int(rows.stories[lowest])))
+    for name, count in heights:
+        if highest > count:
+            raise ModelError(
+                f"{source}: forces: floor {highest} does not exist in {name}, which has "
+                f"{pluralize(count, 'floor')}; remove the floor, or use {ROOF} for the highest "
+                "floor of each building"
+            )
+    # Columns without a unit have the unit of force of all models; a text is the reason why the
+    # columns require a unit.
+    unit: float | str = "the buildings of an inventory have no unit of force"
+    if models:
+        first, *others = sorted({model.force_unit for model in models})
+        unit = FORCE[first]
+        if others:
+            unit = f"the models have different units of force: {', '.join([first, *others])}"
+    motions, failures = list[SuiteMotion](), list[TdintError]()
+    for file in requested.files:
+        try:
+            loads = read_load_file(file, requested.columns, requested.scale, requested.start, unit)
+        except ModelError as error:
+            failures.append(RecordError(str(error)))
+            continue
+        load_case = LoadCase.of(loads)
+        motions.append(SuiteMotion(load_case, file, "", load_case))
+    if not motions:
+        raise RecordError("\n".join(map(str, failures)))
+    return CampaignMotions(tuple(motions), tuple(failures))
 
 
 _READERS: dict[type, Callable[[Any], CampaignMotions]]

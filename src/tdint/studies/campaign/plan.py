@@ -103,8 +103,8 @@ class Plan:
     style: str = ""
     pair_demand: str | None = None
     warnings: tuple[str, ...] = ()
-    # Rows of an earlier store (`tdint.studies.campaign.reuse`) by the number of the chunk;
-    # `chunk` omits their runs.
+    # Rows of an earlier store (`tdint.studies.campaign.execute.reuse_results`) by the number of the
+    # chunk; `chunk` omits their runs.
     kept: dict[int, Rows] = field(default_factory=dict, init=False)
     _locks: list[Lock] = field(default_factory=lambda: [Lock() for _ in range(_LOCKS)], init=False)
 

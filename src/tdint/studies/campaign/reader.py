@@ -20,6 +20,7 @@ from tdint.model.keys.fields import (
     DRIFT_BOUNDS,
     POSITIVE,
     RATIO,
+    ROOF,
     Bounds,
     Choice,
     Either,
@@ -28,11 +29,13 @@ from tdint.model.keys.fields import (
     Integer,
     Key,
     Keys,
+    NamedEntries,
     Schema,
     Section,
     TextLine,
     Value,
 )
+from tdint.model.story import MAX_STORIES
 from tdint.studies.campaign.assigned_motions import (
     COORDINATES,
     MAX_DISTANCE,
@@ -50,11 +53,11 @@ from tdint.studies.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
     InventoryFile,
+    LoadFiles,
     SequenceFile,
     Varied,
     read_sweep,
 )
-from tdint.studies.campaign.load_cases import LOAD_CASES, LoadFiles, read_requested_load_cases
 from tdint.studies.fragility.type_states import DAMAGE, read_damage_request
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
@@ -136,6 +139,32 @@ MOTIONS = Keys(
 )
 """Keys of `records`. One of files, sequences, fields and grid is required unless the intensity is a
 table of factors, which lists the records."""
+
+LOAD_CASES = Keys(
+    (
+        Key(
+            "files",
+            EntriesOf(TextLine(), least=1),
+            "CSV files with times and forces, one load case per file, relative to this file",
+            needed=True,
+        ),
+        Key(
+            "floors",
+            NamedEntries(TextLine(), description="a mapping of floors to columns"),
+            "column of each floor, with an optional factor: {roof: top_kN, 1: 0.6 top_kN}",
+        ),
+        Key(
+            "floor",
+            Either((Integer(1, MAX_STORIES), Choice((ROOF,)))),
+            "floor, from 1 at the bottom, or roof, instead of floors",
+        ),
+        Key("column", TextLine(), "column of this floor; default: the only column of forces"),
+        Key("start", ANY, "added to the times, s; default: 0"),
+        Key("scale", ANY, "factor on the forces; default: 1"),
+    )
+)
+"""Keys of `forces` of a campaign; their names are those of `excitation.forces` of a model."""
+
 
 _TOLERANCE = Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
 _MIN_LEVEL, _MAX_LEVEL = 1e-6, 1e6
@@ -367,7 +396,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
             has_profiles = added_tables.read("profiles", are_models)
     motions: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles | None = None
     if forces_value:
-        motions = read_requested_load_cases(forces_value)
+        motions = _load_cases(forces_value)
     elif records_value:
         motions = read_requested_motions(records_value, are_listed=are_listed)
     demand = records_value.peek("pair_demand") if records_value else None
@@ -614,6 +643,24 @@ def _level(value: Value, quantity: str) -> float:
 
 
 # ---- Ground motions: the key `records` with files, sequences, ground motion fields or a grid
+
+
+def _load_cases(value: Value) -> LoadFiles | None:
+    """Return the load cases that the campaign file requests; None if a required value is missing or
+    invalid. Errors are recorded in the document."""
+    section = value.section()
+    if section is None:
+        return None
+    section.need("files", "give a list of CSV files, one load case each")
+    paths = section.files("files", "a list of CSV files", "is empty; give at least one file")
+    # Imported here, because only campaigns of load cases read tables of forces.
+    from tdint.model.config.load_tables import read_requests
+
+    # The number of stories is not known, and the roof is floor 0.
+    requests = read_requests(section, section.value, None, scale=1.0, start=0.0)
+    columns = tuple((item.floor, item.column) for item in requests)
+    scale, start = section.number("scale", default=1.0), section.number("start", default=0.0)
+    return LoadFiles(paths, columns, scale, start)
 
 
 def read_requested_motions(
