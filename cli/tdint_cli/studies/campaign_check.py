@@ -36,7 +36,7 @@ def models_in(file: str) -> list[tuple[str, tuple[str, ...]]] | None:
     from tdint.studies.campaign.definition import InventoryFile, LoadFiles
     from tdint.studies.campaign.inputs import check_load_cases, read_rows
     from tdint.studies.campaign.reader import load_campaign
-    from tdint.studies.regions.unusual_rows import unusual_rows
+    from tdint.studies.regions.inventory import unusual_rows
 
     campaign = load_campaign(file)
     say(f"{file}: valid campaign file")

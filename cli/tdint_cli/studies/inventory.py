@@ -107,8 +107,7 @@ def command(request: Request) -> None:
     from tdint.model.capacity import read_classes
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
-    from tdint.studies.regions.inventory import derive_all, read_inventory
-    from tdint.studies.regions.unusual_rows import unusual_rows
+    from tdint.studies.regions.inventory import derive_all, read_inventory, unusual_rows
 
     rules = request.rules
     if (rules == CAPACITY) != (request.classes is not None):

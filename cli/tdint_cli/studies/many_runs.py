@@ -9,7 +9,6 @@ from tdint.errors import UsageError
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.model.config.model_file import load_model
 from tdint.model.config.record_files import RecordFiles
-from tdint.model.definition import Model
 from tdint.response.arguments import model_record
 from tdint.response.runs.settings import settings_from
 from tdint.studies.campaign.assigned_motions import CampaignMotions, FactorTable, Scales
@@ -17,7 +16,7 @@ from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile
 from tdint.studies.campaign.execute import threads
 from tdint.studies.campaign.inputs import Inputs, read_inputs
-from tdint.studies.campaign.plan import Plan, make_plan
+from tdint.studies.campaign.plan import make_plan
 from tdint.system import processors
 from tdint_cli.commands.run_request import Request
 from tdint_cli.options.analysis import with_motion
@@ -33,7 +32,8 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     Parameters
     ----------
     records : tuple of str
-        The record files; if empty, the record of the model is used.
+        The record files; if empty, the records of the table of --factors or the record of the model
+        are used.
 
     Raises
     ------
@@ -48,20 +48,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     # Outputs are checked before the model is read, and before the runs.
     check_names(Path(request.output) if request.output else None, request)
     model = load_model(request.model)
-    plan = _plan(request, records, model)
-    engine = threads(request.jobs or processors())
-    # With a directory the runs are a campaign that can be resumed; otherwise the store is in
-    # memory.
-    execute_campaign(plan, engine, request, show=True)
-
-
-def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
-    """Return the plan of the runs of a building under several records, as a campaign with a single
-    building, but without a campaign file.
-
-    Without records, the records of the table of --factors are used, or the record of the model
-    (UsageError if it has no record).
-    """
+    # The runs are a campaign with a single building, but without a campaign file.
     factors = request.factors
     campaign = CampaignFile(
         name=model.name,
@@ -73,9 +60,15 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         pair_demand=request.pair_demand,
     )
     if records or factors is not None:
-        return make_plan(campaign, read_inputs(campaign, (model,)))
-    # Use the unscaled record of the model: --scale defines the levels.
-    record = model_record(with_motion(model, replace(request, scale=(1.0,))))
-    if record is None:
-        raise UsageError("--scale requires a record, and the model has no record: add RECORD")
-    return make_plan(campaign, Inputs((model,), motions=CampaignMotions(suite_motions([record]))))
+        inputs = read_inputs(campaign, (model,))
+    else:
+        # Use the unscaled record of the model: --scale defines the levels.
+        record = model_record(with_motion(model, replace(request, scale=(1.0,))))
+        if record is None:
+            raise UsageError("--scale requires a record, and the model has no record: add RECORD")
+        inputs = Inputs((model,), motions=CampaignMotions(suite_motions([record])))
+    plan = make_plan(campaign, inputs)
+    engine = threads(request.jobs or processors())
+    # With a directory the runs are a campaign that can be resumed; otherwise the store is in
+    # memory.
+    execute_campaign(plan, engine, request, show=True)

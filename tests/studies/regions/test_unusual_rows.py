@@ -9,8 +9,7 @@ import pytest
 from selection import every
 from tdint.model.capacity import read_classes
 from tdint.model.mdof_lu import STRUCTURES, USUAL_STORIES
-from tdint.studies.regions.inventory import read_inventory
-from tdint.studies.regions.unusual_rows import unusual_rows
+from tdint.studies.regions.inventory import read_inventory, unusual_rows
 
 HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea,height\n"
 

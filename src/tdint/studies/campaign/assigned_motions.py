@@ -32,6 +32,10 @@ MAX_DISTANCE = 15e3
 
 _EARTH_RADIUS = 6371e3  # m, mean radius of the earth
 
+DISTANCES = ("km", "degrees")
+"""Types of distance. `km` is measured on the earth; `degrees`, as in SimCenter's workflow, is
+measured in a plane of longitude and latitude, which have equal weight and are not periodic."""
+
 Locations = Sequence[tuple[float, float]] | Array
 """Longitudes and latitudes, degrees."""
 
@@ -52,7 +56,7 @@ class GridFile:
     seed : int
         Random seed, combined with the id of the building.
     distance : str
-        Type of distance: a key of `tdint.studies.campaign.assigned_motions.COORDINATES`.
+        Type of distance: an item of `DISTANCES`.
     events : bool
         True for no sampling: the rows of the points' files are events, and a building has the
         events of its nearest point.
@@ -84,7 +88,7 @@ class FieldFile:
         CSV file with the locations of the sites; None: the inventory names the site of each
         building.
     distance : str
-        Unit of the distance to the nearest site: a key of `COORDINATES`.
+        Unit of the distance to the nearest site: an item of `DISTANCES`.
     max_distance : float
         Buildings at a larger distance from the nearest site are omitted, m.
     rates : str | None
@@ -365,7 +369,7 @@ def nearest(locations: Locations, candidates: Locations, distance: str) -> NDArr
     locations : Places
         Longitudes and latitudes of the locations, degrees.
     distance : str
-        Type of distance: a key of `COORDINATES`. `km` is measured on the earth, `degrees` in a
+        Type of distance: an item of `DISTANCES`. `km` is measured on the earth, `degrees` in a
         plane of longitude and latitude. The nearest candidate depends on this choice.
     """
     tree = cKDTree(coordinates(candidates, distance))
@@ -386,12 +390,10 @@ def meters(locations: Locations, others: Locations) -> Array:
 def coordinates(locations: Locations, distance: str) -> Array:
     """Convert k longitudes and latitudes, in degrees, to points with Euclidean distances that can
     be compared: shape (k, 3) for the distance `km`, shape (k, 2) for `degrees`."""
-    return COORDINATES[distance](np.array(locations, dtype=np.float64).reshape(-1, 2))
-
-
-def unit_vectors(degrees: Array) -> Array:
-    """Return the unit vectors from the center of the earth to locations, shape (k, 3). `degrees`
-    contains their longitudes and latitudes, degrees, shape (k, 2)."""
+    degrees = np.array(locations, dtype=np.float64).reshape(-1, 2)
+    if distance == "degrees":
+        return degrees
+    # Unit vectors from the center of the earth
     longitude, latitude = np.radians(degrees).T
     return np.column_stack(
         [
@@ -400,15 +402,6 @@ def unit_vectors(degrees: Array) -> Array:
             np.sin(latitude),
         ]
     )
-
-
-COORDINATES: Mapping[str, Callable[[Array], Array]] = {
-    "km": unit_vectors,
-    "degrees": lambda degrees: degrees,
-}
-"""Function that converts longitudes and latitudes to points, by the type of distance. The distance
-`km` is measured on the earth; `degrees`, as in SimCenter's workflow, is measured in a plane of
-longitude and latitude, which have equal weight and are not periodic."""
 
 
 @dataclass(frozen=True)
@@ -552,17 +545,14 @@ class MeasureLevels:
         # one time.
         recording = self.motions[motion].ground_motion
         factors_at_period: dict[float, tuple[float, ...]] = {}
-        for period in dict.fromkeys(self._measure_periods(periods)):
+        periods = periods if self.period is None else [self.period] * len(periods)
+        for period in dict.fromkeys(periods):
             measure = self.measure(period)
             unscaled = measure.of(recording, self.pair)
             factors_at_period[period] = tuple(
                 factor_to(level, measure, unscaled) for level in self.values
             )
-        return [factors_at_period[period] for period in self._measure_periods(periods)]
-
-    def _measure_periods(self, periods: Sequence[float]) -> Sequence[float]:
-        """Return the period of the measure for each building, s."""
-        return periods if self.period is None else [self.period] * len(periods)
+        return [factors_at_period[period] for period in periods]
 
     def description(self) -> dict[str, object]:
         """Return the levels and the intensity measure, which are part of the fingerprint that

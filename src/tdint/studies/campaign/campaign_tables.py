@@ -43,7 +43,7 @@ from tdint.studies.campaign.story_profiles import (
 from tdint.studies.campaign.variants import Ratios
 from tdint.studies.fragility.measures import RunMeasure
 from tdint.studies.store.result_store import Store
-from tdint.studies.store.schema import PartTable
+from tdint.studies.store.schema import RowTable
 from tdint.units import SI, OutputUnits, Quantity, suffix
 
 EVENT = Column.named("event", "event of a ground motion field", TEXT)
@@ -279,7 +279,7 @@ def _run_rows(store: Store) -> Iterator[list[Any]]:
         yield head + results + errors + parameters + inventory_cells(building, sample)
 
 
-def part_table(store: Store, table: PartTable) -> StoreTable:
+def part_table(store: Store, table: RowTable) -> StoreTable:
     """Return stories.csv, elements.csv, attachments.csv or links.csv, the results of these parts of
     the buildings in all runs of a campaign; or shocks.csv, the response to each event of a
     sequence. The rows are in the order of runs.csv and of the model file.
@@ -294,7 +294,7 @@ def part_table(store: Store, table: PartTable) -> StoreTable:
     return StoreTable(columns, _part_rows(store, table, has_samples=has_samples))
 
 
-def _part_rows(store: Store, table: PartTable, *, has_samples: bool) -> Iterator[list[Any]]:
+def _part_rows(store: Store, table: RowTable, *, has_samples: bool) -> Iterator[list[Any]]:
     """Yield the rows of `part_table`."""
     name_cells = run_heads(store)
     texts = [index for index, column in enumerate(table.shown) if column.unit == TEXT]

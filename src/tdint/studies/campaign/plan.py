@@ -58,7 +58,7 @@ from tdint.studies.campaign.chunks import (
 from tdint.studies.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.fragility.type_states import Damage, damage_of
-from tdint.studies.regions.unusual_rows import unusual_rows
+from tdint.studies.regions.inventory import unusual_rows
 
 _COLLAPSE_DRIFT = 0.10
 """Default collapse drift of buildings of an inventory."""

@@ -37,7 +37,7 @@ from tdint.model.keys.fields import (
 )
 from tdint.model.story import MAX_STORIES
 from tdint.studies.campaign.assigned_motions import (
-    COORDINATES,
+    DISTANCES,
     MAX_DISTANCE,
     FactorTable,
     FieldFile,
@@ -104,7 +104,7 @@ _FIELDS = (
 )
 _DISTANCE = Key(
     "distance",
-    Choice(tuple(COORDINATES), "distance"),
+    Choice(DISTANCES, "distance"),
     "unit of distances to sites: km, or degrees as in SimCenter",
 )
 _MAX_DISTANCE = Key(

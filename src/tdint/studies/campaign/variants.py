@@ -55,18 +55,16 @@ class Comparison:
         return cls(list(profiles), common, len(keys))
 
     @property
-    def lost_text(self) -> str:
-        """Clause on the buildings that collapsed or failed, with their numbers of motions; empty if
-        all completed all motions."""
-        lost = [
-            f"{profile.building} {profile.lost_text}" for profile in self.profiles if profile.lost
-        ]
-        return abbreviate(lost, _MAX_LOST)
-
-    @property
     def note(self) -> str:
         """Sentence on the motions of the comparison; empty if all motions are common."""
-        lost = self.lost_text
+        lost = abbreviate(
+            [
+                f"{profile.building} {profile.lost_text}"
+                for profile in self.profiles
+                if profile.lost
+            ],
+            _MAX_LOST,
+        )
         if not lost:
             return ""
         level = self.profiles[0].level_text

@@ -532,7 +532,7 @@ class Store:
         for record, scale, sample, *values in self.connection.execute(query, (building,)):
             yield Run(record, scale, sample), *values
 
-    def parts(self, table: schema.PartTable) -> Iterator[tuple[Any, ...]]:
+    def parts(self, table: schema.RowTable) -> Iterator[tuple[Any, ...]]:
         """Yield one tuple per story, element, attachment, link or event and run, with the key of
         the run and the values of the columns of its table, in the order of its key."""
         yield from self.connection.execute(table.select_shown(self.checked))

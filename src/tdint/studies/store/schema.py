@@ -19,7 +19,7 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Self
+from typing import Any
 
 from tdint.errors import OutputError
 from tdint.files import is_there, remove_abandoned
@@ -461,6 +461,9 @@ class RowTable:
         in the order of the fields of a row (`RunRow`, `PartRow`).
     hidden : tuple of str
         Columns that the view does not show.
+    shown, errors : tuple of Column
+        Columns of the table of a run, and its additional columns with error estimates; empty for
+        the table of runs.
     """
 
     name: str
@@ -468,6 +471,8 @@ class RowTable:
     others: dict[str, type]
     view: str
     hidden: tuple[str, ...] = ()
+    shown: tuple[Column, ...] = ()
+    errors: tuple[Column, ...] = ()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -522,6 +527,12 @@ class RowTable:
             f"SELECT {_quoted(self.columns)}{more} FROM {self.name} {where} ORDER BY "
             f"{_quoted(self.key)}"
         )
+
+    def select_shown(self, has_errors: bool) -> str:
+        """Return the SQL query of the key of a run and its columns in tables, with rows in the
+        order of the key."""
+        columns = (*_KEY, *names((*self.shown, *(self.errors if has_errors else ()))))
+        return f"SELECT {_quoted(columns)} FROM {self.name} ORDER BY {_quoted(self.key)}"
 
     def insert(
         self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int
@@ -585,55 +596,35 @@ RUNS = RowTable(
 )
 
 
-@dataclass(frozen=True)
-class PartTable(RowTable):
-    """Table of the rows of stories, elements, attachments, links or events of all runs.
+def _part_table(
+    name: str, view: str, columns: tuple[tuple[Column, ...], ...], *, numbered: bool
+) -> RowTable:
+    """Return the table of the rows of stories, elements, attachments, links or events of all runs,
+    with the columns of the table of a run, and its columns with error estimates.
 
-    Attributes
-    ----------
-    shown, errors : tuple of Column
-        Columns of the table of a run, and its additional columns with error estimates.
+    `numbered` is True if rows start with a hidden number, which identifies the part; otherwise the
+    first column identifies it.
     """
-
-    shown: tuple[Column, ...] = ()
-    errors: tuple[Column, ...] = ()
-
-    @classmethod
-    def of(
-        cls, name: str, view: str, columns: tuple[tuple[Column, ...], ...], *, numbered: bool
-    ) -> Self:
-        """Return the table of parts with the columns of the table of a run, and its columns with
-        error estimates.
-
-        `numbered` is True if rows start with a hidden number, which identifies the part; otherwise
-        the first column identifies it.
-        """
-        shown, errors = columns
-        types: dict[str, type] = {
-            column.name: {TEXT: str}.get(column.unit, int if column.name in _NUMBERS else float)
-            for column in (*shown, *errors)
-        }
-        hidden = ("number",) if numbered else ()
-        key = _KEY | dict.fromkeys(hidden or (shown[0].name,), int)
-        others = {column: value for column, value in types.items() if column not in key}
-        return cls(name, key, others, view, hidden, shown, errors)
-
-    def select_shown(self, has_errors: bool) -> str:
-        """Return the SQL query of the key of a run and its columns in tables, with rows in the
-        order of the key."""
-        columns = (*_KEY, *names((*self.shown, *(self.errors if has_errors else ()))))
-        return f"SELECT {_quoted(columns)} FROM {self.name} ORDER BY {_quoted(self.key)}"
+    shown, errors = columns
+    types: dict[str, type] = {
+        column.name: {TEXT: str}.get(column.unit, int if column.name in _NUMBERS else float)
+        for column in (*shown, *errors)
+    }
+    hidden = ("number",) if numbered else ()
+    key = _KEY | dict.fromkeys(hidden or (shown[0].name,), int)
+    others = {column: value for column, value in types.items() if column not in key}
+    return RowTable(name, key, others, view, hidden, shown, errors)
 
 
 _NUMBERS = {"story", "floor", "shock", *(item.column for item in RUN if item.value_type is int)}
 """Columns of whole numbers in the tables of parts."""
-STORIES = PartTable.of("story_rows", "stories", (STORY_COLUMNS, STORY_ERROR), numbered=False)
-ELEMENTS = PartTable.of("element_rows", "elements", (ELEMENT_COLUMNS, ELEMENT_ERROR), numbered=True)
+STORIES = _part_table("story_rows", "stories", (STORY_COLUMNS, STORY_ERROR), numbered=False)
+ELEMENTS = _part_table("element_rows", "elements", (ELEMENT_COLUMNS, ELEMENT_ERROR), numbered=True)
 ATTACHMENTS, LINKS = (
-    PartTable.of(f"{kind}_rows", f"{kind}s", columns, numbered=True)
+    _part_table(f"{kind}_rows", f"{kind}s", columns, numbered=True)
     for kind, columns in zip(("attachment", "link"), DEVICE_TABLES, strict=True)
 )
-SHOCKS = PartTable.of("shock_rows", "shocks", (SHOCK_COLUMNS, ()), numbered=False)
+SHOCKS = _part_table("shock_rows", "shocks", (SHOCK_COLUMNS, ()), numbered=False)
 _PARTS = (STORIES, ELEMENTS, ATTACHMENTS, LINKS, SHOCKS)
 PART_TABLES = {f"{table.view}.csv": table for table in _PARTS}
 """Tables of parts by the name of their file."""
