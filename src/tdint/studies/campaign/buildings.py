@@ -7,13 +7,15 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Excitation, Model, simple_model
 from tdint.model.limits import Limit
+from tdint.model.story import PowerDashpot, Relief
 from tdint.response.runs.batch import Subject
 from tdint.studies.regions.inventory import InventoryRow, InventoryRows, LazySequence, derive_row
 from tdint.units import SI, OutputUnits
@@ -130,7 +132,8 @@ def digest_of(model: Model, method: str) -> str:
     response to each ground motion."""
     # Remove everything that does not change the response, such as names and units of the output.
     # The ground motion of the model is not used in a campaign.
-    content = asdict(replace(model, excitation=Excitation(None, model.excitation.forces)))
+    unexcited = replace(model, excitation=Excitation(None, model.excitation.forces))
+    content = asdict(unexcited, dict_factory=_content_of)
     for name in (
         "name",
         "source",
@@ -155,6 +158,14 @@ def digest_of(model: Model, method: str) -> str:
         ],
     }
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
+
+
+def _content_of(attributes: list[tuple[str, Any]]) -> Any:
+    """Return the attributes of a part of a model by name; of a power dashpot and its relief valve
+    only the values, as in the digests of stored buildings."""
+    names = [name for name, _ in attributes]
+    is_list = names in ([item.name for item in fields(part)] for part in (PowerDashpot, Relief))
+    return [value for _, value in attributes] if is_list else dict(attributes)
 
 
 @dataclass(frozen=True)
