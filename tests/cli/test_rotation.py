@@ -1,6 +1,7 @@
 """`tdint spectrum --rotd`: pairs in one or two files, table, figure, and errors."""
 
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from csv_rows import rows
 from ground_motion import format_files
+from ground_motion.files import trace, write
 
 ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
 
@@ -44,6 +46,58 @@ def test_components_in_separate_files(folder, tdint, names):
     pair = "+".join(sorted(name for name in names if "UP" not in name))
     table = rows(tdint(*ROTD, *names, code=0).stdout)
     assert {(row["record"], row["component"]) for row in table} == {(pair, "0+90")}
+
+
+def write_noise(file: Path, seed: int) -> None:
+    """Write a text table without names of components, which does not state its component."""
+    values = np.random.default_rng(seed).standard_normal(200) * np.hanning(200)
+    file.write_text("# dt = 0.01 s, units = m/s^2\n" + "\n".join(f"{v:.6f}" for v in values))
+
+
+def test_directions_in_file_names_order_the_components(folder, tdint):
+    """The names were said to state no directions, so that the angle was that from S16W."""
+    for seed, name in enumerate(("x_S16W.txt", "x_S74E.txt")):
+        write_noise(folder / name, seed)
+    result = tdint(*ROTD, "x_S16W.txt", "x_S74E.txt", code=0)
+    assert {row["component"] for row in rows(result.stdout)} == {"S74E+S16W"}
+    assert "directions" not in result.stderr
+
+
+def test_several_recordings_in_a_file(folder, tdint):
+    """Stations in a MiniSEED file and files in an archive are recordings of their own."""
+    names = [f"{event}_{code}.txt" for event in "ab" for code in "NEZ"]
+    for seed, name in enumerate(names):
+        write_noise(folder / name, seed)
+    with zipfile.ZipFile(folder / "all.zip", "w") as archive:
+        for name in names:
+            archive.write(folder / name, name)
+    channels = {}
+    for seed, (station, code) in enumerate((s, c) for s in "AB" for c in ("HNN", "HNE", "HNZ")):
+        samples = np.random.default_rng(seed).standard_normal(200) * np.hanning(200)
+        channels[station, code] = trace(samples, channel=code, station=station)
+    write(folder / "all.mseed", *channels.values())
+    for station in "AB":
+        write(folder / f"{station}.mseed", *(t for (s, _), t in channels.items() if s == station))
+
+    def found(*files):
+        """Return the spectra and the factors of the pairs."""
+        spectra = rows(tdint(*ROTD, *files, "--units", "m/s^2", code=0).stdout)
+        scaling = ("--units", "m/s^2", "--pairs", "rotd50", "--to", "sa=1g", "--at", "0.2")
+        factors = rows(tdint("scale", *files, *scaling, code=0).stdout)
+        return [row["rotd50_psa_m_s2"] for row in spectra], [row["factor"] for row in factors]
+
+    assert found("all.zip") == found(*names)
+    assert found("all.mseed") == found("A.mseed", "B.mseed")
+
+
+def test_a_vertical_component_is_recognized_by_its_file_name(folder, tdint):
+    """It was a third motion in all means, and the other two components were no pair."""
+    for seed, code in enumerate("NEZ"):
+        write_noise(folder / f"a_{code}.txt", seed)
+    result = tdint("run", "shaken.yaml", *(f"a_{code}.txt" for code in "NEZ"), "-o", "o", code=0)
+    assert [row["record"] for row in rows(folder / "o" / "runs.csv")] == ["a_N.txt", "a_E.txt"]
+    assert "a_Z.txt: not used: vertical component" in result.stderr
+    assert "1 pair of horizontal components" in result.stderr
 
 
 @pytest.mark.long

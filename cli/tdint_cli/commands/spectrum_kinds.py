@@ -570,29 +570,30 @@ class Rotated(_OscillatorSpectra):
         return result
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the spectra of the two horizontal components of a ground motion for each damping
-        ratio.
+        """Compute the spectra of the two horizontal components of each ground motion for each
+        damping ratio.
 
         Parameters
         ----------
         records : sequence of Record
-            Components of a single ground motion; two components are horizontal.
+            Components of the ground motions of a file or of a group of files.
         """
-        from tdint.ground_motion.horizontals import find_horizontals, with_component
+        from tdint.ground_motion.horizontals import USUAL, find_horizontals, recordings
         from tdint.response.spectra.rotated import rotated_spectrum
 
-        motion = find_horizontals([with_component(record) for record in records])
+        pairs = [*map(find_horizontals, recordings(records, request.pairs or USUAL))]
         periods = request.chosen_periods()
         lines = [
             rotated_spectrum(
-                motion, periods, damping, request.rotd or (), **request.specified_settings
+                pair, periods, damping, request.rotd or (), **request.specified_settings
             )
+            for pair in pairs
             for damping in request.damping
         ]
         return Results(
             lines,
-            (motion.first, motion.second),
-            [f"{motion.source}: {note}" for note in motion.notes],
+            [record for pair in pairs for record in (pair.first, pair.second)],
+            [f"{pair.source}: {note}" for pair in pairs for note in pair.notes],
         )
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:

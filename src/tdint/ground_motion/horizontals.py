@@ -82,7 +82,8 @@ class Horizontals:
     @property
     def component(self) -> str:
         """Names of the components joined by +; an unknown name is a question mark."""
-        return f"{self.first.component or '?'}+{self.second.component or '?'}"
+        first, second = (*component_names([self.first]), *component_names([self.second]))
+        return f"{first or '?'}+{second or '?'}"
 
 
 def find_horizontals(records: Sequence[Record]) -> Horizontals:
@@ -555,6 +556,29 @@ def with_component(record: Record, *, in_degrees: bool = False) -> Record:
         return record
     match = _find_component(Path(record.source).name, in_degrees=in_degrees)
     return replace(record, component=match["component"].upper()) if match else record
+
+
+def recordings(records: Sequence[Record], names: PairNames = USUAL) -> list[list[Record]]:
+    """Return the components of a file or of a group of files as one recording, or if they have more
+    than two horizontal components, divided by station and, for the files of an archive, by names
+    that differ only in the component. A record without a component has that of its file name.
+    """
+    parts: dict[tuple[str, str], list[Record]] = {("", ""): [*records]}
+    if sum(not is_vertical(record.component) for record in records) > 2:
+        parts = {}
+        motions = motion_names([record.source for record in records])
+        for record, motion in zip(records, motions, strict=True):
+            station, _, _ = record.id.rpartition(".")
+            parts.setdefault((motion, station), []).append(record)
+    # With the usual names, two files may differ in a direction in degrees.
+    are_usual = names == USUAL
+    return [
+        [
+            with_component(record, in_degrees=are_usual and len({r.source for r in part}) == 2)
+            for record in part
+        ]
+        for part in parts.values()
+    ]
 
 
 def combine_single_components(failures: Sequence[Failure]) -> list[Failure | RecordError]:

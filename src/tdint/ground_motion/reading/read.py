@@ -615,7 +615,10 @@ def _unambiguous_names(channels: Sequence[_Channel], others: Sequence[_Channel] 
     is_unique = [len(set(names)) == len(names) and all(names) for names in names_of_all]
     if is_unique[0]:
         return ", ".join(channel.code for channel in channels)
-    return ", ".join(station_of(channel.id) if is_unique[1] else channel.id for channel in channels)
+    if is_unique[1]:
+        return ", ".join(station_of(channel.id) for channel in channels)
+    # Files of an archive may have no ids.
+    return ", ".join(c.id if c.id.strip(".") else c.source for c in channels)
 
 
 def _to_record(

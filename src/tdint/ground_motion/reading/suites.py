@@ -19,10 +19,12 @@ from tdint.ground_motion.horizontals import (
     Horizontals,
     PairNames,
     combine_single_components,
+    component_in_name,
     files_of_motions,
     find_horizontals,
     is_vertical,
-    with_component,
+    motion_names,
+    recordings,
 )
 from tdint.ground_motion.measures import baseline_notes_of_suite
 from tdint.ground_motion.origin import matched_clause
@@ -275,7 +277,7 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
     A vertical component is read only if the user selects it by name. A file that cannot be read is
     reported in the failures of the suite; the other files are still read.
     """
-    records: list[GroundMotion] = []
+    records: list[Record] = []
     failures: list[RecordError] = []
     notes: list[str] = []
     vertical_files: list[str] = []
@@ -295,6 +297,9 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
         elif vertical:
             notes.append(f"{file}: vertical component omitted: {', '.join(vertical)}")
         records += [record for record in components if record.component not in vertical]
+    accompanying = _verticals_by_name(records)
+    vertical_files += accompanying
+    records = [record for record in records if record.source not in accompanying]
     # A file of a vertical component usually accompanies the files of the horizontal components.
     if records:
         notes += [f"{file}: not used: vertical component" for file in vertical_files]
@@ -307,6 +312,19 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
             for file in vertical_files
         ]
     return Suite(tuple(records), tuple(failures), tuple(notes))
+
+
+def _verticals_by_name(records: Sequence[Record]) -> list[str]:
+    """Return the files of records without a component whose names state a vertical component, and
+    differ only in the component from the name of another file (x_Z.csv, x_N.csv)."""
+    sources = [record.source for record in records]
+    verticals, motions_of_horizontals = {}, set()
+    for record, motion in zip(records, motion_names(sources), strict=True):
+        if not is_vertical(record.component or component_in_name(record.source)):
+            motions_of_horizontals.add(motion)
+        elif not record.component:
+            verticals[record.source] = motion
+    return [file for file, motion in verticals.items() if motion in motions_of_horizontals]
 
 
 def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = USUAL) -> Suite:
@@ -330,20 +348,19 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
             f"{listed}"
         )
     for group in groups:
-        # With the usual names, the files of a pair may differ in a direction in degrees.
-        in_degrees = names == USUAL and len(group) == 2
         try:
-            components = [
-                with_component(record, in_degrees=in_degrees)
-                for file in group
-                for record in read_chosen(file, choice)
-            ]
-            pair: Horizontals = find_horizontals(components)
+            records = [record for file in group for record in read_chosen(file, choice)]
         except RecordError as error:
             failures.append(error)
             continue
-        notes += [f"{pair.source}: {note}" for note in pair.notes]
-        pairs.append(pair)
+        for recording in recordings(records, names):
+            try:
+                pair: Horizontals = find_horizontals(recording)
+            except RecordError as error:
+                failures.append(error)
+                continue
+            notes += [f"{pair.source}: {note}" for note in pair.notes]
+            pairs.append(pair)
     return Suite(tuple(pairs), tuple(combine_single_components(failures)), tuple(notes))
 
 

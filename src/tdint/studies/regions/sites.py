@@ -619,6 +619,11 @@ class _FieldRecords:
                     f"its file in a column {_SECOND_FILE}"
                 )
             raise error
+        if field.pairs and len(suite.motions) > 1:
+            raise RecordError(
+                f"{file}: a single recording is required, but the file contains "
+                f"{len(suite.motions)}; extract them"
+            )
         self.notes += suite.notes
         return suite_motions(suite.motions)
 
