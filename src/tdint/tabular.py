@@ -328,8 +328,8 @@ def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]
     subpackages, at their first use.
 
     `package` is the full name of the package, such as `tdint.output.tables`. `style` is the module
-    that must be the first that imports matplotlib: it is imported before a module of figures, whose
-    name ends with `figures`.
+    that must be the first that imports matplotlib: it is imported before a module whose full name
+    contains `figures`.
     """
 
     def import_on_use(name: str) -> ModuleType:
@@ -340,7 +340,7 @@ def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]
             if file is None:
                 raise AttributeError(f"module {package!r} has no attribute {name!r}")
             module = f"{package}.{file.parent.name}.{name}"
-        if style and name.endswith("figures"):
+        if style and "figures" in module:
             import_module(style)
         return import_module(module)
 

@@ -198,17 +198,16 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
             request.scale[0] if request.scale else 1.0,
         )
     source, given = model.excitation.record, request.choice
-    specified: dict[str, Any] = {
-        name: value
-        for name in ("units", "component", "inventory")
-        if (value := getattr(given, name)) is not None
-    }
     if source is None:
-        if request.scale:
-            specified["scale"] = request.scale
+        specified = {
+            "units": given.units,
+            "component": given.component,
+            "inventory": given.inventory,
+            "scale": request.scale or None,
+        }
         subject = ""
-        if specified:
-            subject = f"--{next(iter(specified))}"
+        if names := [name for name, value in specified.items() if value is not None]:
+            subject = f"--{names[0]}"
         elif given.layout:
             subject = "the layout of a table"
         elif given.processing:
@@ -219,14 +218,10 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
             )
         return None
     choice = source.choice
-    if "units" in specified or "inventory" in specified:
+    if given.units is not None or given.inventory is not None:
         # `units` and `inventory` exclude each other: if the command line specifies one value, the
         # other value of the model does not apply.
         choice = replace(choice, units=None, inventory=None)
-    choice = replace(
-        choice,
-        **specified,
-        processing=given.processing.over(choice.processing),
-        layout=given.layout.over(choice.layout),
+    return RecordSource(
+        source.file, given.over(choice), request.scale[0] if request.scale else source.scale
     )
-    return RecordSource(source.file, choice, request.scale[0] if request.scale else source.scale)

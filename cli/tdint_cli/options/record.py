@@ -319,14 +319,7 @@ def _combined(of_command: RecordChoice, choice: RecordChoice, source: str) -> Re
                 f"--{name.replace('_', '-')} {value} contradicts `{name}: {stated[name]}` in "
                 f"{source}; omit the option, or change the file"
             )
-    return replace(
-        choice,
-        units=of_command.units or choice.units,
-        component=of_command.component or choice.component,
-        inventory=of_command.inventory or choice.inventory,
-        layout=of_command.layout.over(choice.layout),
-        processing=of_command.processing.over(choice.processing),
-    )
+    return of_command.over(choice)
 
 
 _READING = (units, component, *_LAYOUT, inventory)

@@ -245,6 +245,16 @@ class RecordChoice:
                 return choice
         return self
 
+    def over(self, other: RecordChoice) -> RecordChoice:
+        """Return a copy of `other` with the options that are set in this object."""
+        specified = {
+            name: value
+            for name in ("units", "component", "inventory")
+            if (value := getattr(self, name)) is not None
+        }
+        processing, layout = self.processing.over(other.processing), self.layout.over(other.layout)
+        return replace(other, **specified, processing=processing, layout=layout)
+
     @property
     def reading(self) -> dict[str, Any]:
         """Keyword arguments of `tdint.read_record`."""

@@ -6,8 +6,6 @@ the working directory or in the home directory, and some settings start other pr
 """
 
 import logging
-from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from tdint.tabular import modules_on_use
@@ -24,14 +22,4 @@ if TYPE_CHECKING:
 # The messages of matplotlib about its font cache are not relevant to users.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-_import_module = modules_on_use(__name__)
-
-
-def __getattr__(name: str) -> ModuleType:
-    """Import a module of figures when it is first used.
-
-    The module `style` is imported first, because it must be the first that imports matplotlib.
-    """
-    if name != "style":
-        import_module(f"{__name__}.style")
-    return _import_module(name)
+__getattr__ = modules_on_use(__name__, f"{__name__}.style")
