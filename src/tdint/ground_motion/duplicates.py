@@ -82,18 +82,18 @@ def first_copies(motions: Sequence[Sequence[Record]], *, scaled: bool = True) ->
         distances = np.abs(totals[:index] - totals[index]).sum(axis=1)
         near = (distances <= _MAX_ENERGY_DIFFERENCE * len(components)) & is_comparable[:index]
         for other in np.flatnonzero(near).tolist():
-            if first[other] == other and _are_copies(components, motions[other], scaled):
+            # Each component must be a copy of another component of the other motion.
+            if (
+                first[other] == other
+                and len(components) == len(motions[other])
+                and any(
+                    all(_is_copy(*pair, scaled) for pair in zip(components, order, strict=True))
+                    for order in permutations(motions[other])
+                )
+            ):
                 first[index] = other
                 break
     return first
-
-
-def _are_copies(components: Sequence[Record], others: Sequence[Record], scaled: bool) -> bool:
-    """Return True if each component is a copy of another component of the other motion."""
-    return len(components) == len(others) and any(
-        all(_is_copy(*pair, scaled) for pair in zip(components, order, strict=True))
-        for order in permutations(others)
-    )
 
 
 def _energy_fractions(record: Record) -> Array:

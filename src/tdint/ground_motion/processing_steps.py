@@ -424,12 +424,12 @@ def butterworth(
         padded record would be too long.
     """
     label = _label(record)
-    sections, settling = _design_filters(corners, order, record.dt, label)
     if pads:
+        _, settling = _design_filters(corners, order, record.dt, label)
         # The transients decay exponentially, to `_SETTLED` within the settling time.
         duration = settling * record.dt * math.log(_TAIL) / math.log(_SETTLED)
         record = pad(record, duration, duration)
-    samples = _both_passes(record.acceleration, sections, settling)
+    samples = zero_phase(record.acceleration, record.dt, corners, order, label)
     names = ", ".join(f"{name} {corner:g} Hz" for name, corner in corners.items())
     filters = "filter" if len(corners) == 1 else "filters"
     note = f"{names}: Butterworth {filters} of order {order}, forwards and backwards"
@@ -462,14 +462,11 @@ def zero_phase(
     RecordError
         A corner frequency cannot be represented at this sampling interval.
     """
-    return _both_passes(samples, *_design_filters(corners, order, dt, label), held=held)
-
-
-def _both_passes(samples: Array, sections: Array, settling: int, *, held: bool = False) -> Array:
-    """Apply the sections of `_design_filters` forwards and, after the settling time, backwards."""
     from scipy.signal import sosfilt  # imported late: needs 0.8 s
 
-    # Only the first axis, which is the time, is extended.
+    sections, settling = _design_filters(corners, order, dt, label)
+    # The backward pass starts after the settling time. Only the first axis, which is the time, is
+    # extended.
     after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
     forwards = sosfilt(
         sections, np.pad(samples, after, mode="edge" if held else "constant"), axis=0

@@ -58,24 +58,20 @@ def read_csmnc(lines: Lines) -> list[Series]:
     assert points is not None  # take_until has found it
     header += lines.take_until(is_row_of_numbers, "row of numbers")
     units = required_units(header.field(_UNITS))
-    count = int(points[1])
+    count, station = int(points[1]), header.field(_STATION)
+    in_brackets = _STATION_CODE.search(station)
     series = Series(
         lines.numbers(count, _VALUE_WIDTH),
         float(points[2]),
         units,
         channel=header.code(_COMPONENT).upper(),
-        station=_station(header.field(_STATION)),
+        # The code in parentheses after the name of a station; otherwise the first word
+        station=in_brackets[1] if in_brackets else code((station.split() or [""])[0]),
         event=_event(header),
         peak=header.peak(_PEAK, units, units),
     )
     lines.expect_no_numbers(count)
     return [series]
-
-
-def _station(text: str) -> str:
-    """Return the code in parentheses after the name of a station; otherwise the first word."""
-    match = _STATION_CODE.search(text)
-    return match[1] if match else code((text.split() or [""])[0])
 
 
 def _event(header: Header) -> str:

@@ -165,7 +165,18 @@ def remove_response(
     file = instruments.input.file
     samples, mean_note = without_mean(trace.data)
     dt = float(trace.stats.delta)
-    response, unit = _with_obspy_unit(_find_response(trace, instruments, label), label, file)
+    # The copy of the response has an input in M, M/S or M/S**2.
+    response = copy.deepcopy(_find_response(trace, instruments, label))
+    first = min(response.response_stages, key=lambda stage: stage.stage_sequence_number)
+    unit = parse_input_unit(first.input_units)
+    if unit is None:
+        stated = f"in {first.input_units}" if first.input_units else "without a unit"
+        raise RecordError(
+            f"{label}: the response in {file} must start with a ground motion, but the input of "
+            f"its first stage is {stated}; correct the file, or specify the value of one count by "
+            "`units`"
+        )
+    first.input_units = _OBSPY_UNITS[unit.derivatives]
     # The Fourier transform has the smallest power of 2 that is at least twice the number of
     # samples. Without the added zeros, the end of the motion would appear at its start.
     size = 1 << (2 * samples.size - 1).bit_length()
@@ -250,23 +261,6 @@ def _units_of_sensitivity(sensitivity: Any, channel: str = "") -> str:
         return ""
     si_unit = ("m", "m/s", "m/s^2")[unit.derivatives]
     return f"{unit.value / float(sensitivity.value):.6g} {si_unit}"
-
-
-def _with_obspy_unit(response: Any, label: str, file: str) -> tuple[Any, InputUnit]:
-    """Return a copy of a response with an input in M, M/S or M/S**2, and the unit that the file
-    states; raise RecordError if the first stage does not start with a ground motion."""
-    response = copy.deepcopy(response)
-    first = min(response.response_stages, key=lambda stage: stage.stage_sequence_number)
-    unit = parse_input_unit(first.input_units)
-    if unit is None:
-        stated = f"in {first.input_units}" if first.input_units else "without a unit"
-        raise RecordError(
-            f"{label}: the response in {file} must start with a ground motion, but the input of "
-            f"its first stage is {stated}; correct the file, or specify the value of one count by "
-            "`units`"
-        )
-    first.input_units = _OBSPY_UNITS[unit.derivatives]
-    return response, unit
 
 
 def _compare_with_sensitivity(

@@ -120,7 +120,21 @@ def _join_traces(channel: _Channel) -> Any:
     if not traces:
         raise RecordError(f"{label}: the channel has no samples")
     for trace in traces:
-        _check_trace(trace, label)
+        dt = float(trace.stats.delta)
+        if not (isfinite(dt) and dt > 0.0):
+            raise RecordError(f"{label}: the sampling interval must be positive, got {dt:g} s")
+        try:
+            str(trace.stats.starttime), str(trace.stats.endtime)
+        # The calendars of Python and ObsPy raise different exceptions outside their range.
+        except Exception:
+            raise RecordError(
+                f"{label}: the time of the record is not a valid date; its header is corrupt"
+            ) from None
+        if missing := masked_samples(trace.data):
+            samples = pluralize(missing, "sample")
+            raise RecordError(
+                f"{label}: {samples} marked as missing; extract the continuous part of the record"
+            )
     for before, after in pairwise(traces):
         _check_continuity(before, after, label)
     joined = traces[0]
@@ -131,27 +145,6 @@ def _join_traces(channel: _Channel) -> Any:
         raise RecordError(f"{label}: the channel has only one sample; a record needs at least two")
     check_finite(joined.data, float(joined.stats.delta), label)
     return joined
-
-
-def _check_trace(trace: Any, label: str) -> None:
-    """Raise RecordError unless a trace has a positive sampling interval, valid dates and no masked
-    samples.
-    """
-    dt = float(trace.stats.delta)
-    if not (isfinite(dt) and dt > 0.0):
-        raise RecordError(f"{label}: the sampling interval must be positive, got {dt:g} s")
-    try:
-        str(trace.stats.starttime), str(trace.stats.endtime)
-    # The calendars of Python and ObsPy raise different exceptions outside their range.
-    except Exception:
-        raise RecordError(
-            f"{label}: the time of the record is not a valid date; its header is corrupt"
-        ) from None
-    if missing := masked_samples(trace.data):
-        samples = pluralize(missing, "sample")
-        raise RecordError(
-            f"{label}: {samples} marked as missing; extract the continuous part of the record"
-        )
 
 
 def _check_continuity(before: Any, after: Any, label: str) -> None:

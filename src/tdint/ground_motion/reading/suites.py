@@ -97,11 +97,11 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     failures: list[RecordError] = []
     found = 0
     for argument in arguments:
-        try:
-            named = _matching_files(argument)
-        except RecordError as error:
-            failures.append(error)
-            continue
+        named = [argument]
+        if not is_folder(argument) and is_set(argument):
+            named = sorted(glob.glob(argument))  # noqa: PTH207  keeps the user's spelling
+        if not named:
+            failures.append(RecordError(f"{argument}: no file matches this pattern"))
         for name in named:
             if name == STDIN or not is_folder(name):
                 files.append(name)
@@ -132,16 +132,6 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
         file_units(own.units).require_matches(own_files, formats)
     are_named = not any(map(is_set, arguments))
     return Sources(tuple(files), tuple(notes), tuple(failures), found, are_named)
-
-
-def _matching_files(argument: str) -> Sequence[str]:
-    """Return the files that match an argument with wildcards, in order of name; the argument itself
-    if it has no wildcards or is the name of a file. RecordError is raised if no file matches."""
-    if is_folder(argument) or not is_set(argument):
-        return [argument]
-    if not (matches := sorted(glob.glob(argument))):  # noqa: PTH207  keeps the user's spelling
-        raise RecordError(f"{argument}: no file matches this pattern")
-    return matches
 
 
 def _records_in_directory(directory: str, choice: RecordChoice) -> tuple[list[str], dict[str, str]]:

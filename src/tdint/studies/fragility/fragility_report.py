@@ -100,7 +100,9 @@ def fragility_page(
     verdict: list[tuple[bool | None, str]] = []
     if len(functions) <= MOST_THRESHOLDS:
         verdict = [(None, _median_text(function)) for function in functions]
-    fitted = fit_table_of(functions, damaged=_damaged(functions))
+    # The damage of functions without initial damage is nan.
+    damages = {function.damage for function in functions if function.damage >= 0.0}
+    fitted = fit_table_of(functions, damaged=len(damages) > 1)
     chapters = [
         page_text.result(
             Picture(partial(draw, functions), f"Probability of exceedance over {measure}")
@@ -123,14 +125,6 @@ def fragility_page(
     ]
     about = f"Fragility functions fitted to {source}: {pluralize(len(functions), 'function')}."
     return page("Fragility functions", about, chapters, replace(page_text, verdict=verdict))
-
-
-def _damaged(functions: Sequence[Fragility]) -> bool:
-    """Return True if the fragility functions are for several initial damages of the building.
-
-    The damage of functions without initial damage is nan.
-    """
-    return len({function.damage for function in functions if function.damage >= 0.0}) > 1
 
 
 def _median_text(function: Fragility) -> str:

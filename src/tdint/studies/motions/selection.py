@@ -502,29 +502,21 @@ def _search(
                 selection.append(int(generator.choice(possible_rows)))
         while len(selection) < count:
             selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
-        # `selection` is changed in place.
-        score = _exchange_rows(selection, scores)
+        # Exchange rows as long as the score decreases. Each pass tries to replace every row. The
+        # first pass sets the score, which is infinite before.
+        score, is_improved = np.inf, True
+        while is_improved:
+            is_improved = False
+            for index in range(count):
+                remaining = selection[:index] + selection[index + 1 :]
+                all_scores = scores(remaining, count)
+                best_row = int(np.argmin(all_scores))
+                if all_scores[best_row] < score * (1.0 - _MIN_GAIN):
+                    is_improved |= best_row != selection[index]
+                    selection[index], score = best_row, float(all_scores[best_row])
         if score < best_score:
             best_selection, best_score = sorted(selection), score
     return best_selection
-
-
-def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Array]) -> float:
-    """Replace rows of a selection in place by better rows as long as the score decreases, and
-    return the final score. `scores` is a result of `_scores_with_row`.
-    """
-    # Each pass tries to replace every row. The first pass sets the score, which is infinite before.
-    score, is_improved = np.inf, True
-    while is_improved:
-        is_improved = False
-        for index in range(len(selection)):
-            remaining = selection[:index] + selection[index + 1 :]
-            all_scores = scores(remaining, len(selection))
-            best_row = int(np.argmin(all_scores))
-            if all_scores[best_row] < score * (1.0 - _MIN_GAIN):
-                is_improved |= best_row != selection[index]
-                selection[index], score = best_row, float(all_scores[best_row])
-    return score
 
 
 def _scores_with_row(

@@ -9,7 +9,7 @@ fitted from the result (Levenberg 1944, Marquardt 1963; trust regions: Branch, C
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -158,7 +158,18 @@ def fit(model: Model, event: Event, names: Sequence[str]) -> Fit:
             free_values, best.x, relative_errors, strict=True
         )
     )
-    notes = _notes(values, relative_errors)
+    notes = [
+        f"{_label(value)} is poorly determined by the recording: its standard error is "
+        + (f"{100.0 * relative_error:.0f} %" if math.isfinite(relative_error) else "infinite")
+        for value, relative_error in zip(values, relative_errors, strict=True)
+        if relative_error > _POORLY_DETERMINED
+    ]
+    notes += [
+        f"{_label(value)} ended on a bound of the fit, {value.low:.4g} to {value.high:.4g}: the "
+        "best value may be outside the bounds, or the model may be unsuitable"
+        for value in values
+        if value.on_bound
+    ]
     return Fit(problem.model(best.x), values, problem.runs, tuple(notes))
 
 
@@ -197,23 +208,6 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
             best = solution
     assert best is not None
     return best
-
-
-def _notes(values: Sequence[FittedValue], relative_errors: Iterable[float]) -> list[str]:
-    """Return notes on poorly determined values and on values on a bound of the fit."""
-    notes = [
-        f"{_label(value)} is poorly determined by the recording: its standard error is "
-        + (f"{100.0 * relative_error:.0f} %" if math.isfinite(relative_error) else "infinite")
-        for value, relative_error in zip(values, relative_errors, strict=True)
-        if relative_error > _POORLY_DETERMINED
-    ]
-    notes += [
-        f"{_label(value)} ended on a bound of the fit, {value.low:.4g} to {value.high:.4g}: the "
-        "best value may be outside the bounds, or the model may be unsuitable"
-        for value in values
-        if value.on_bound
-    ]
-    return notes
 
 
 class _Problem:
