@@ -125,17 +125,28 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
             f"{len(horizontals)}: {names}"
         )
     first, second = horizontals
-    direction_notes = _check_directions(first, second, source)
+    notes = _check_directions(first, second, source)
     _check_same_recording(first, second, source)
-    first, second, length_notes = _trimmed_to_equal_length(first, second, source)
-
+    # The excess samples at the end of the longer component are removed.
+    sizes = first.acceleration.size, second.acceleration.size
+    if sizes[0] != sizes[1]:
+        _check_lengths(first, second, source)  # raises RecordError if they differ by more than 5 %
+        excess, longer = abs(sizes[0] - sizes[1]), first if sizes[0] > sizes[1] else second
+        first, second = (
+            replace(record, acceleration=record.acceleration[: min(sizes)])
+            for record in (first, second)
+        )
+        notes.append(
+            f"{'last sample' if excess == 1 else f'last {excess} samples'} of "
+            f"{longer.component or longer.source} omitted, because the other component is shorter"
+        )
     # The components are exchanged if the second is counterclockwise from the first.
     first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
     if first_azimuth is not None and second_azimuth is not None:
         is_counterclockwise = (second_azimuth - first_azimuth) % 360.0 > 180.0
         if is_counterclockwise:
             first, second = second, first
-    return Horizontals(first, second, (*direction_notes, *length_notes))
+    return Horizontals(first, second, tuple(notes))
 
 
 def _check_directions(first: Record, second: Record, source: str) -> list[str]:
@@ -305,30 +316,6 @@ def at_right_angles(component: str, other: str) -> bool:
         and not name[-2:-1].isdigit()
         and {name[-1], other_name[-1]} in _PERPENDICULAR_AXES
     )
-
-
-def _trimmed_to_equal_length(
-    first: Record, second: Record, source: str
-) -> tuple[Record, Record, list[str]]:
-    """Remove the excess samples at the end of the longer component, and return both with a note on
-    the number of removed samples, if any. RecordError is raised if the lengths differ by more than
-    5 %.
-    """
-    sizes = first.acceleration.size, second.acceleration.size
-    if sizes[0] == sizes[1]:
-        return first, second, []
-    size, excess = min(sizes), abs(sizes[0] - sizes[1])
-    _check_lengths(first, second, source)  # raises RecordError if they differ by more than 5 %
-    longer = first if sizes[0] > size else second
-    first, second = (
-        replace(record, acceleration=record.acceleration[:size]) for record in (first, second)
-    )
-    removed_samples = "last sample" if excess == 1 else f"last {excess} samples"
-    note = (
-        f"{removed_samples} of {longer.component or longer.source} omitted, because the other "
-        "component is shorter"
-    )
-    return first, second, [note]
 
 
 # ---- Grouping of files into pairs of horizontal components, by usual or user-specified names

@@ -15,7 +15,6 @@ import re
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import (
@@ -239,28 +238,19 @@ def _volume_2(lines: Lines, header: Header) -> Series:
                 f"the file is cut off or corrupt: no block of {word} found after line "
                 f"{lines.number}"
             )
+    peaks: dict[str, float | None] = {}
+    for word, quantity in _QUANTITIES.items():
+        if word not in blocks:
+            continue
+        block, samples = blocks[word]
+        if stated := header.field(_OTHER_PEAK[word]):
+            peak = float(np.max(np.abs(samples), initial=0.0))
+            rounding, name = last_place(stated) + 1e-9 * peak, f"{PEAK} {quantity}"
+            compare([Statement(name, abs(float(stated)), peak, rounding, block[4], measured=True)])
+        peaks[quantity] = largest_value(samples, block[4], quantity)
+    pgv, pgd = peaks.get("velocity"), peaks.get("displacement")
     block, samples = blocks["ACCEL"]
-    pgv, pgd = (
-        _peak_in_block(word, *blocks[word], header) if word in blocks else None
-        for word in ("VELOC", "DISPL")
-    )
     return Series(samples, float(block[3]), required_units(block[4]), pgv=pgv, pgd=pgd)
-
-
-def _peak_in_block(
-    word: str, block: re.Match[str], samples: NDArray[np.float64], header: Header
-) -> float | None:
-    """Return the maximum absolute value of a block of velocities or displacements (m/s or m; None
-    if the units are unknown). RecordError is raised if the header states a different peak.
-
-    `block` is the match of `_BLOCK` in the line before the samples.
-    """
-    if stated := header.field(_OTHER_PEAK[word]):
-        peak = float(np.max(np.abs(samples), initial=0.0))
-        rounding = last_place(stated) + 1e-9 * peak
-        name = f"{PEAK} {_QUANTITIES[word]}"
-        compare([Statement(name, abs(float(stated)), peak, rounding, block[4], measured=True)])
-    return largest_value(samples, block[4], _QUANTITIES[word])
 
 
 def _width(line: str) -> int:

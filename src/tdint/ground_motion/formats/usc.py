@@ -117,7 +117,16 @@ def _volume_2(lines: Lines) -> tuple[Series, Header]:
                 "or correct the file"
             )
         word = block[2].upper()
-        blocks[word] = _samples_of_block(rows, int(block[1]), first, is_first=not blocks)
+        # The integers and reals of the header may precede the values of the first block.
+        count, sizes = int(block[1]), [0, *accumulate(map(len, rows))]
+        starts = [0, *(() if blocks else _HEADER_ROWS)]
+        counted = (s for s in starts if s < len(rows) and sizes[-1] - sizes[s] == count)
+        if (start := next(counted, None)) is None:
+            raise RecordError(
+                f"the header states {count} values, but {sizes[-1]} values follow from line "
+                f"{first} to line {first + len(rows) - 1}; complete the file, or correct the number"
+            )
+        blocks[word] = np.array([value for row in rows[start:] for value in row])
         dt = float(block[3]) if word == "ACC" else dt
         block = None
     if block or "ACC" not in blocks:
@@ -132,26 +141,6 @@ def _volume_2(lines: Lines) -> tuple[Series, Header]:
         peak = replace(peak, factor=1.0, rounding=rounding)
     pgv, pgd = (_peak(blocks, word, header) for word in ("VEL", "DIS"))
     return Series(samples, dt, peak.units if peak else "", peak=peak, pgv=pgv, pgd=pgd), header
-
-
-def _samples_of_block(
-    rows: list[list[float]], count: int, first: int, *, is_first: bool
-) -> NDArray[np.float64]:
-    """Return the last `count` values of rows, which start in line `first`; RecordError if their
-    number differs.
-
-    The rows before these values are the integers and reals of the header; only the first block of a
-    file may follow them.
-    """
-    sizes = [0, *accumulate(map(len, rows))]
-    starts = [0, *(_HEADER_ROWS if is_first else ())]
-    for start in starts:
-        if start < len(rows) and sizes[-1] - sizes[start] == count:
-            return np.array([value for row in rows[start:] for value in row])
-    raise RecordError(
-        f"the header states {count} values, but {sizes[-1]} values follow from line {first} to "
-        f"line {first + len(rows) - 1}; complete the file, or correct the number"
-    )
 
 
 def _peak(blocks: dict[str, NDArray[np.float64]], word: str, header: Header) -> float | None:

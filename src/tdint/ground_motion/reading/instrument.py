@@ -295,10 +295,10 @@ def _compare_with_sensitivity(
         abs(stage.stage_gain) for stage in response.response_stages if stage.stage_gain
     )
     with caught_messages():
-        (value,) = response.get_evalresp_response_for_frequencies(
+        (response_value,) = response.get_evalresp_response_for_frequencies(
             [frequency], output="DEF", hide_sensitivity_mismatch_warning=True
         )
-    total = abs(complex(value))
+    total = abs(complex(response_value))
     # The response at this frequency is not comparable if filters stop it.
     is_stopped = frequency > _STOPPED * 0.5 / dt or (frequency == 0.0 and total == 0.0)
     least, most = 1.0 - _MAX_CONTRADICTION, 1.0 + _MAX_CONTRADICTION
@@ -306,13 +306,22 @@ def _compare_with_sensitivity(
         least, most = 0.0, math.inf
     elif unit.derivatives < 2:
         least, most = 1.0 / _CORNER_FACTOR, _CORNER_FACTOR
+    # Possible values of the sensitivity in the unit of the first stage. If the unit in the file is
+    # of another quantity, the number may be per unit of either quantity, because some files label
+    # it wrongly.
+    value = abs(float(stated.value))
+    converted = value * unit.value / labeled.value
+    sensitivities = [value] if has_other_quantity else [converted]
+    if has_other_quantity and frequency != 0.0:
+        order = labeled.derivatives - unit.derivatives
+        sensitivities.append(converted * (2.0 * math.pi * frequency) ** order)
     if not any(
         abs(total / candidate - 1.0) <= _MAX_CONTRADICTION
         or (
             abs(gains / candidate - 1.0) <= _MAX_CONTRADICTION
             and least <= total / candidate <= most
         )
-        for candidate in _sensitivities(abs(float(stated.value)), frequency, labeled, unit)
+        for candidate in sensitivities
     ):
         units = "" if has_other_quantity else _units_of_sensitivity(stated)
         alternative = (
@@ -327,22 +336,6 @@ def _compare_with_sensitivity(
             f"{gains:.6g}; correct the file{alternative}"
         )
     return tuple(remarks)
-
-
-def _sensitivities(
-    value: float, frequency: float, labeled: InputUnit, unit: InputUnit
-) -> list[float]:
-    """Return the possible values of a sensitivity in the unit of the first stage, `unit`.
-
-    `labeled` is the unit that the file states for the sensitivity. If it is of another quantity,
-    the number may be per unit of either quantity, because some files label it wrongly.
-    """
-    order = labeled.derivatives - unit.derivatives
-    if not order:
-        return [value * unit.value / labeled.value]
-    if frequency == 0.0:
-        return [value]
-    return [value, value * unit.value / labeled.value * (2.0 * math.pi * frequency) ** order]
 
 
 def _transition_band(response: Any, dt: float) -> tuple[float, float] | None:

@@ -356,33 +356,30 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     RecordError
         The file has another format or channel, or its numbers are unlikely to be in m/s^2.
     """
+    code = str(trace.stats.channel).upper()
+    likely = likely_units(float(np.max(np.abs(trace.data), initial=0.0)))
     # The empty text in `tdint_units` means that the user must specify the units.
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
-        raise IncompleteRecord(
-            f"{label}: the file does not state the units of its samples; {_ANY_UNITS}",
-            Missing(units=likely_units(float(np.max(np.abs(trace.data), initial=0.0)))),
+        problem = f"the file does not state the units of its samples; {_ANY_UNITS}"
+    elif len(code) != 3 or code[1] != _ACCELEROMETER:
+        problem = (
+            "MiniSEED does not state the units of its samples, and m/s^2 is assumed only for "
+            "accelerometer channels (?N?, such as HNE), not for "
+            f"{code or 'a channel without a code'}; {_ANY_UNITS}"
         )
-    code = str(trace.stats.channel).upper()
-    if len(code) != 3 or code[1] != _ACCELEROMETER:
-        raise IncompleteRecord(
-            f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
-            f"for accelerometer channels (?N?, such as HNE), not for "
-            f"{code or 'a channel without a code'}; {_ANY_UNITS}",
-            Missing(units=likely_units(float(np.max(np.abs(trace.data), initial=0.0)))),
+    else:
+        # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
+        why_unlikely, likely = _why_unlikely(trace, label)
+        if not why_unlikely:
+            return Units("m/s^2", 1.0, has_factor=False), (
+                "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which "
+                "states no units; specify the units to confirm"
+            )
+        problem = (
+            "MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
+            f"{why_unlikely}; {_SPECIFY_UNITS.format(likely)}"
         )
-
-    # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
-    why_unlikely, likely = _why_unlikely(trace, label)
-    if why_unlikely:
-        raise IncompleteRecord(
-            f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
-            f"{why_unlikely}; {_SPECIFY_UNITS.format(likely)}",
-            Missing(units=likely),
-        )
-    return Units("m/s^2", 1.0, has_factor=False), (
-        "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "
-        "units; specify the units to confirm"
-    )
+    raise IncompleteRecord(f"{label}: {problem}", Missing(units=likely))
 
 
 _PROCESSED = re.compile(r"\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b", re.IGNORECASE)
