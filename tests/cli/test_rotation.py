@@ -10,6 +10,7 @@ import pytest
 from csv_rows import rows
 from ground_motion import format_files
 from ground_motion.files import trace, write
+from tdint.ground_motion.reading.read import read_horizontals
 
 ROTD = ("spectrum", "--rotd", "0,50,100", "--period", "0.2", "--period", "1")
 
@@ -61,6 +62,8 @@ def test_directions_in_file_names_order_the_components(folder, tdint):
     result = tdint(*ROTD, "x_S16W.txt", "x_S74E.txt", code=0)
     assert {row["component"] for row in rows(result.stdout)} == {"S74E+S16W"}
     assert "directions" not in result.stderr
+    files = [folder / name for name in ("x_S16W.txt", "x_S74E.txt")]
+    assert read_horizontals(*files).component == "S74E+S16W"
 
 
 def test_several_recordings_in_a_file(folder, tdint):

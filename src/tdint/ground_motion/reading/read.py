@@ -404,10 +404,12 @@ def read_horizontals(
         Same as for `read_record`; also if the number of horizontal components is not two or the
         components are not a pair (`find_horizontals`).
     """
-    from tdint.ground_motion.horizontals import find_horizontals
+    from tdint.ground_motion.horizontals import find_horizontals, recordings
 
     read = partial(read_records, units=units, inventory=inventory, layout=layout)
-    return find_horizontals([component for source in sources for component in read(source)])
+    records = [component for source in sources for component in read(source)]
+    recording, *others = recordings(records)
+    return find_horizontals(records if others else recording)
 
 
 def _read_components(
