@@ -304,27 +304,24 @@ class Store:
         required_numbers = identity.building_numbers
         if required_numbers is None:
             required_numbers = range(len(identity.buildings))
-        new_numbers = sorted(set(required_numbers) - stored_numbers)
         # Usually the metadata are unchanged. Skip the transaction in this case, because it would
         # block other processes that read the store.
         unused = {(category, stored_text(reason)) for category, reason in identity.unused}
         stored_unused = set(self.connection.execute("SELECT kind, reason FROM unused"))
-        if is_unchanged and not new_numbers and unused == stored_unused:
+        is_complete = stored_numbers.issuperset(required_numbers)
+        if is_unchanged and is_complete and unused == stored_unused:
             return
         # The checksum is updated in the same transaction, so that readers see a consistent state.
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
-            if is_unchanged:
-                changed_numbers = new_numbers
-            else:  # rewrite the data of all buildings, because they may have changed
-                changed_numbers = sorted(stored_numbers.union(new_numbers))
-                self.connection.execute("DELETE FROM inventory")
-                self.connection.execute("DELETE FROM building_types")
+            # The data of all buildings are written again, because they may have changed.
             execute = self.connection.execute
+            execute("DELETE FROM inventory")
+            execute("DELETE FROM building_types")
             types = identity.damage.buildings if identity.damage else ()
-            for number in changed_numbers:
+            for number in sorted(stored_numbers.union(required_numbers)):
                 building = identity.buildings[number]
                 if number not in stored_numbers:
                     name = stored_text(building.name)
