@@ -127,15 +127,14 @@ class TextLayout(_OptionalFields):
         name : str
             Name of the file format.
         """
-        for option, value in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
-            if value not in (None, ""):
-                raise RecordError(
-                    f"`{option}={value}` cannot be used with the file format {name}; it applies "
-                    "only to text tables, remove it"
-                )
-        if self.rows:
+        options = {
+            f"column={', '.join(self.column)}": bool(self.column),
+            f"skip_lines={self.skip_lines}": self.skip_lines is not None,
+            "rows": self.rows,
+        }
+        if option := next((option for option, is_set in options.items() if is_set), ""):
             raise RecordError(
-                f"`rows` cannot be used with the file format {name}; it applies only to text "
+                f"`{option}` cannot be used with the file format {name}; it applies only to text "
                 "tables, remove it"
             )
 

@@ -15,7 +15,7 @@ import codecs
 import hashlib
 import re
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
@@ -31,7 +31,7 @@ from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint, EntryPoints
+    from importlib.metadata import EntryPoint
     from zipfile import ZipFile, ZipInfo
 
 MAX_FILE_BYTES = MOST_BYTES
@@ -551,27 +551,17 @@ def plugins() -> tuple[Plugin, ...]:
     except PackageNotFoundError:  # tdint runs from a source tree that is not installed.
         tdint_entry_points = EntryPoints()
     names = sorted(tdint_entry_points.select(group=_ENTRY_POINT_GROUP).names)
-    return (
-        *_plugins_by_name(obspy_entry_points, _TRIED_FIRST),
-        *_plugins_by_name(tdint_entry_points, names),
-        *_plugins_by_name(obspy_entry_points, _TRIED_LAST),
-    )
-
-
-def _plugins_by_name(entry_points: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
-    """Yield the formats that a distribution registers with a check and a reader.
-
-    `names` contains the names of formats, in the order of the result. Unregistered names are
-    skipped.
-    """
-    by_group_and_name = {(entry.group, entry.name): entry for entry in entry_points}
-    for name in names:
+    entries = {
+        (entry.group, entry.name): entry for entry in (*tdint_entry_points, *obspy_entry_points)
+    }
+    found = []
+    for name in (*_TRIED_FIRST, *names, *_TRIED_LAST):
         # ObsPy uses one group of entry points for each format.
         group = f"{_ENTRY_POINT_GROUP}.{name}"
-        is_format = by_group_and_name.get((group, "isFormat"))
-        read_format = by_group_and_name.get((group, "readFormat"))
+        is_format, read_format = (entries.get((group, use)) for use in ("isFormat", "readFormat"))
         if is_format and read_format:
-            yield Plugin(name, is_format, read_format)
+            found.append(Plugin(name, is_format, read_format))
+    return tuple(found)
 
 
 def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized:
