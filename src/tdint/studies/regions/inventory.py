@@ -753,7 +753,7 @@ def _multilinear_keys(story: Story, degradation: bool) -> dict[str, Any]:
     """
     parameters = story.law.parameters
     law = {
-        "type": "multilinear-pinching",
+        "type": story.law.name,
         "backbone": [list(parameters[first : first + 2]) for first in range(0, 8, 2)],
         "pinching": dict(zip(("drift", "force", "unloading"), parameters[16:19], strict=True)),
         "ultimate_drift": parameters[22],
