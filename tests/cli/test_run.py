@@ -213,6 +213,14 @@ def test_a_story_without_initial_stiffness(folder, tdint):
     (overview,) = rows(tdint("check", "cubic.yaml", code=0).stdout)
     assert mode["period_s"] == overview["t1_s"] == "inf"
     tdint.refused("no initial stiffness; give a duration", "run", *call, "--until-rest", code=3)
+    for option in (("--transfer",), ("--target", "ec8:type=1,soil=C,ag=0.3g")):
+        tdint.refused("no initial stiffness; use time", "modes", "cubic.yaml", *option, code=3)
+    tdint("modes", "cubic.yaml", "--report", "modes.html", code=0)
+    checked = tdint("check", "cubic.yaml", code=0)
+    assert "unusual fundamental period" not in checked.stderr
+    first, _ = rows(tdint("run", *call, "--duration", 2, "--scale", "1,2", code=0).stdout)
+    assert float(first["peak_drift_m"]) == pytest.approx(drift, rel=1e-9)
+    assert first["sa_t1_m_s2"] == ""
 
 
 @pytest.mark.parametrize("method", ["newmark-average", "moment4"])

@@ -423,7 +423,8 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         return [*peak_warnings(pga)]
     model, building = _without_devices(model, building)
     omega, damping = building.first_mode()
-    first_period = period(omega)
+    # Without initial stiffness of a story, period and damping ratio are infinite by intention.
+    first_period, damping = (period(omega), damping) if omega else (math.nan, math.nan)
     # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small
     # positive ratio indicates damping that does not act on the first mode.
     checked_damping = damping if damping > 0.0 else math.nan

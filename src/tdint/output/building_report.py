@@ -200,15 +200,17 @@ def mode_page(
     """
     units = page_units(units)
     modes = {column.name: values for column, values in table.by_column()}
-    periods, mass_ratios = modes["period_s"], modes["mass_ratio"]
+    # The modes of stories without initial stiffness are not in the figure.
+    is_finite = np.isfinite(modes["period_s"])
+    periods, mass_ratios = modes["period_s"][is_finite], modes["mass_ratio"][is_finite]
     # Damping ratios are in percent, as in the sentences of the report.
     meanings = {**table.meanings, "damping": {**table.meanings["damping"], "unit": "%"}}
     shown_table = table._replace(rows=table.rows[:_MOST_MODES], meanings=meanings)
     shown_table = shown_table.with_values("damping", lambda ratio: 100.0 * float(ratio or 0.0))
     omission = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
     curve, caption = None, "Effective modal masses"
-    if record is not None:
-        curve = _spectrum_at_modes(record, periods, assemble(model).first_period)
+    if record is not None and periods.size:
+        curve = _spectrum_at_modes(record, periods)
         caption = f"Response spectrum of {curve.label}, 5 % damping, and effective modal masses"
     chapters = [
         Chapter("Modes", (list(page_text.sentences), shown_table)),
@@ -222,7 +224,9 @@ def mode_page(
                     ),
                     caption,
                 ),
-            ),
+            )
+            if periods.size
+            else (),
         ),
         Chapter("Shapes", (Picture(partial(_draw_low, draw), "Shapes of the first modes"),)),
         model_chapter(model, units),
@@ -238,22 +242,18 @@ def mode_page(
             ),
         ),
     ]
-    verdict = _mode_verdict(model, mass_ratios, modes["cumulative_mass_ratio"])
+    verdict = _mode_verdict(model, modes["mass_ratio"], modes["cumulative_mass_ratio"])
     page_text = replace(page_text, verdict=[(None, verdict)])
     return page(model.name, f"Natural modes of {model.name}.", chapters, page_text)
 
 
-def _spectrum_at_modes(
-    record: Record, periods: Array, first_period: float
-) -> figures.mode_shapes.SpectrumAtModes:
+def _spectrum_at_modes(record: Record, periods: Array) -> figures.mode_shapes.SpectrumAtModes:
     """Return the response spectrum of a record with 5 % damping, and its values at the modes.
 
-    `periods` contains the periods of the modes, s. `first_period` is the first period of the
-    building, s; the spectrum continues to 1.3 times this period.
+    `periods` contains the periods of the modes, s; the spectrum continues to 1.3 times the maximum.
     """
-    grid = np.geomspace(
-        SPECTRUM_PERIODS[0], max(SPECTRUM_PERIODS[1], 1.3 * first_period), int(SPECTRUM_PERIODS[2])
-    )
+    longest = max(SPECTRUM_PERIODS[1], 1.3 * float(periods.max(initial=0.0)))
+    grid = np.geomspace(SPECTRUM_PERIODS[0], longest, int(SPECTRUM_PERIODS[2]))
     name = f"{figures.style.record_name(record.source)} {record.component}".strip()
     values = spectrum(record, grid).psa, spectrum(record, periods).psa
     return figures.mode_shapes.SpectrumAtModes(name, grid, *values)

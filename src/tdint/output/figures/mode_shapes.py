@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
+from tdint.model.building import period
 from tdint.output.figures.spectrum_curves import log_periods
 from tdint.output.figures.style import (
     COLORS,
@@ -63,7 +64,7 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     floors = np.arange(len(shapes) + 1)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
     for mode in range(min(_MAX_MODES, len(floors) - 1)):
-        label = f"mode {mode + 1}, {2.0 * math.pi / modes.omega[mode]:.4g} s"
+        label = f"mode {mode + 1}, {period(modes.omega[mode]):.4g} s"
         marker = MARKERS[mode] if len(shapes) <= _MAX_MARKED_FLOORS else None
         plot_style = line_style(mode) | {"marker": marker, "markersize": 4.0}
         axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **plot_style)
@@ -126,12 +127,13 @@ def mode_spectrum_picture(
     # Modes with similar periods are not all numbered, because their numbers would overlap. Modes
     # are in the order of decreasing periods.
     last_numbered = math.inf
-    for mode, (period, mass) in enumerate(zip(periods, mass_ratio, strict=True), start=1):
-        if mode <= _MAX_NUMBERED and math.log(last_numbered / period) > _MIN_DISTANCE:
+    for mode, (mode_period, mass) in enumerate(zip(periods, mass_ratio, strict=True), start=1):
+        if mode <= _MAX_NUMBERED and math.log(last_numbered / mode_period) > _MIN_DISTANCE:
             position = {"textcoords": "offset points", "xytext": (0.0, 4.0), "ha": "center"}
             name = f"mode {mode}" if mode == 1 else str(mode)
-            mass_axes.annotate(name, (period, 100.0 * mass), **position, fontsize=8.0, color=MARK)
-            last_numbered = period
+            point = mode_period, 100.0 * mass
+            mass_axes.annotate(name, point, **position, fontsize=8.0, color=MARK)
+            last_numbered = mode_period
     if spectrum is not None:
         spectrum_axes = rows[0]
         spectrum_axes.plot(

@@ -33,8 +33,8 @@ def stiff_peak_warnings(model: Model, building: Building, response: Response) ->
     is_resolved = building.frequency_bound(stiffness) * response.dt <= MAX_RESOLVED_OMEGA_DT
     if stiffness[i] == initial[i] or is_resolved:
         return []
-    ratio = stiffness[i] / initial[i]  # a story that stiffens smoothly has an initial stiffness
+    times = f"{stiffness[i] / initial[i]:.2g} times as stiff as" if initial[i] else "stiffer than"
     return [
         f"the time step does not resolve the motion near the peak drift of story {i + 1}, "
-        f"where the story is {ratio:.2g} times as stiff as initially: use a smaller step"
+        f"where the story is {times} initially: use a smaller step"
     ]

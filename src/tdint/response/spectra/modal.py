@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.errors import UsageError
+from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, model_of
@@ -113,7 +113,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     Raises
     ------
     ModelError
-        The model is invalid, or P-delta effects exceed the stiffness of a story.
+        The model is invalid, a story has no initial stiffness, or P-delta effects exceed the
+        stiffness of a story.
     UsageError
         The first period of the building is longer than the maximum period of the spectrum.
     """
@@ -123,6 +124,11 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     # The damping of the model is not used: that of the design spectrum applies to all modes.
     building = assemble(replace(model, damping=None))
     modes = building.modes()
+    if not modes.omega[0]:
+        raise ModelError(
+            f"{model.name}: the response spectrum analysis needs the periods, and a story has no "
+            "initial stiffness; use time histories"
+        )
     period = 2.0 * math.pi / modes.omega
     # Modes with shorter periods than the table of the target are rigid. Their acceleration is the
     # peak ground acceleration if the target states it.

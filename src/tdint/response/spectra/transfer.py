@@ -126,8 +126,8 @@ def transfer_function(
     Raises
     ------
     ModelError
-        The model is invalid, P-delta effects exceed the stiffness of a story, or a story has a
-        damper with a force that is not proportional to the velocity.
+        The model is invalid, P-delta effects exceed the stiffness of a story, or a story has no
+        initial stiffness or a damper with a force that is not proportional to the velocity.
     UsageError
         The floor does not exist, or a frequency is not positive.
     """
@@ -141,6 +141,11 @@ def transfer_function(
             f"must be {GROUND}, got {source!r:.40}"
         )
     _check_dampers(model, building)
+    if not building.modes().omega[0]:
+        raise ModelError(
+            f"{model.name}: the transfer function needs the periods, and a story has no initial "
+            "stiffness; use time histories"
+        )
     stiffness = _DynamicStiffness(building, source)
     if frequency is None:
         frequency, response = _resolved(stiffness)

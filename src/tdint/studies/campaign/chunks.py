@@ -13,6 +13,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice, zip_longest
 from typing import Any, NamedTuple, Protocol, Self, TypeVar
@@ -656,7 +657,7 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     -------
     list of float | None
         Spectral accelerations; None for a period that is too short for the sampling interval of the
-        record.
+        record, or infinite.
     """
     if isinstance(record, LoadCase):
         return [None] * len(periods)
@@ -670,11 +671,11 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
             None if None in values else max(filter(None, values), default=0.0)
             for values in values_by_period
         ]
-    # The call fails if one of the periods is too short for the record. In this case, compute each
-    # period separately, so that only the short period has no result.
-    try:
-        return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
-    except AnalysisError:
-        if len(periods) == 1:
-            return [None]
+    # The call fails if one of the periods is too short for the record, or infinite. In this case,
+    # compute each period separately, so that only this period has no result.
+    if math.inf not in periods:
+        with suppress(AnalysisError):
+            return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
+    if len(periods) == 1:
+        return [None]
     return [value for period in periods for value in spectral_accelerations(record, [period])]
