@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from tdint.errors import did_you_mean
 from tdint.model.config.sections import ModelUnits
@@ -176,7 +176,6 @@ def _read_values(
 ) -> tuple[float, ...] | None:
     """Return the limit of each story, nan without a limit or after reporting an error; None if no
     story has the quantity, which is reported."""
-    read_limit = _limit_reader(quantity, unit)
     # For each story, True if the story has the quantity; an isolator, for example, has no drift
     # ratio.
     applies = [_has_quantity(quantity, story) for story in stories]
@@ -184,13 +183,13 @@ def _read_values(
         entry.fault(_NOT_APPLICABLE[quantity])
         return None
     if not entry.is_mapping:
-        limit = read_limit(entry)
+        limit = _read_limit(entry, quantity, unit)
         return tuple(limit if is_applicable else math.nan for is_applicable in applies)
     entries = entry.named(_STORY_MAPPING, f"is empty; give {_STORY_MAPPING}") or {}
     limits = [math.nan] * len(stories)
     # Apply the keys in the order of increasing priority.
     for name, inner_entry in sorted(entries.items(), key=lambda item: _priority(item[0])):
-        limit = read_limit(inner_entry)
+        limit = _read_limit(inner_entry, quantity, unit)
         for story_index in _story_indices(inner_entry, name, quantity, stories, applies):
             limits[story_index] = limit
     return tuple(limits)
@@ -201,13 +200,13 @@ def _read_named_values(
 ) -> tuple[float, ...]:
     """Return the limit of each attachment or link, nan without a limit or after reporting an
     error."""
-    location, read_limit = QUANTITIES[quantity].location, _limit_reader(quantity, unit)
+    location = QUANTITIES[quantity].location
     if not names:
         entry.fault(f"the model has no {location}; add `{location}s`, or omit the limit")
     if not entry.is_mapping:
-        return (read_limit(entry),) * len(names)
+        return (_read_limit(entry, quantity, unit),) * len(names)
     entries = entry.named(_NAME_MAPPING, f"is empty; give {_NAME_MAPPING}") or {}
-    limits = {name: read_limit(inner) for name, inner in entries.items()}
+    limits = {name: _read_limit(inner, quantity, unit) for name, inner in entries.items()}
     for name in limits.keys() - {*names, OTHERS} if names else ():
         hint = did_you_mean(name, [*names, OTHERS]) or f"; names: {', '.join(names)}, {OTHERS}"
         entries[name].fault(f"{location} {name!r} not found{hint}")
@@ -292,20 +291,15 @@ _LIMIT_UNITS = {
 """Quantity of a limit with a unit, and an example for messages."""
 
 
-def _limit_reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
-    """Return the function that reads a limit in SI units, or nan after reporting an error."""
-    if quantity in (DRIFT_RATIO, RESIDUAL):
-        return lambda value: value.number(DRIFT_BOUNDS)
-    if quantity == LINK_FORCE:
-        return lambda value: value.number(POSITIVE, unit.force)
-    example = _LIMIT_UNITS[quantity]
-
-    def read_limit(value: Value) -> float:
-        """Return a limit with a unit, or a number in the units of the file, in SI units."""
-        # A letter that is not the exponent of a number, such as in 1e3, belongs to a unit.
-        without_exponent = re.sub(r"[eE][+-]?\d", "", value.word)
-        if re.search(r"[A-Za-z%]", without_exponent):
-            return value.parsed(lambda text: parse_with_unit(text, *example)) or math.nan
-        return value.number(POSITIVE, unit.length)
-
-    return read_limit
+def _read_limit(value: Value, quantity: str, unit: ModelUnits) -> float:
+    """Return a limit with a unit, or a number in the units of the file, in SI units; nan after
+    reporting an error."""
+    si_unit = QUANTITIES[quantity].unit
+    if si_unit == "1":
+        return value.number(DRIFT_BOUNDS)
+    # A letter that is not the exponent of a number, such as in 1e3, belongs to a unit.
+    without_exponent = re.sub(r"[eE][+-]?\d", "", value.word)
+    if quantity in _LIMIT_UNITS and re.search(r"[A-Za-z%]", without_exponent):
+        example = _LIMIT_UNITS[quantity]
+        return value.parsed(lambda text: parse_with_unit(text, *example)) or math.nan
+    return value.number(POSITIVE, unit.force if si_unit == "N" else unit.length)
