@@ -223,7 +223,7 @@ def run_many(
         if not partial:
             raise
         empty_request = RunsRequest((), (), None, None, False, {})
-        return _empty_result(empty_request, [], every, {})
+        return _empty_result(empty_request, [], every, ())
     _integrate_plan(request, result, plan, threads, progress, partial=partial)
     runs = replace(result, failures=dict(sorted(result.failures.items())))
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
@@ -296,12 +296,7 @@ def _requested(
         raise UsageError(f"out: the file name must end with .parquet, got {str(out)!r:.60}")
     if file:
         import_optional("pyarrow", "a Parquet file", "parquet")
-    result = _empty_result(
-        request,
-        plan,
-        every,
-        history_arrays(_shape(request, plan, every), quantities_kept, None if file else out),
-    )
+    result = _empty_result(request, plan, every, quantities_kept, None if file else out)
     for run in plan if invalid else ():
         if (run.model, run.draw) in invalid:
             result.status[run.number] = OUT_OF_RANGE
@@ -395,29 +390,25 @@ def integrated(
     AnalysisError
         There is not enough memory for the histories.
     """
-    histories = history_arrays(_shape(request, plan, every), kept, None)
-    result = _empty_result(request, plan, every, histories)
+    result = _empty_result(request, plan, every, kept)
     _integrate_plan(request, result, plan, threads or processors(), False, partial=False)
     return result
-
-
-def _shape(request: RunsRequest, plan: Sequence[RunSpec], every: int) -> tuple[int, int, int]:
-    """Return the shape of the histories: number of runs, number of rows of the longest run, number
-    of stories of the tallest building.
-    """
-    return len(plan), max(run.steps.count for run in plan) // every + 1, request.stories
 
 
 def _empty_result(
     request: RunsRequest,
     plan: Sequence[RunSpec],
     every: int,
-    history: dict[str, NDArray[np.floating[Any]]],
+    kept: tuple[str, ...],
+    out: Any = None,
 ) -> Runs:
-    """Return a result whose arrays contain nan, 0 or "interrupted" until threads fill their rows.
+    """Return the result with a row of nan for each run, to which the runs write their values.
 
-    `plan` contains all runs, one row per run.
+    The quantities `kept` have histories with a row for each `every` steps of the longest run, in
+    the arrays `out` of the caller (`history_arrays`) if there are any.
     """
+    most_steps = max((run.steps.count for run in plan), default=0)
+    shape = len(plan), most_steps // every + 1, request.stories
     peaks, errors, corrected = (
         {
             field.name: np.full((len(plan), request.stories), math.nan)
@@ -437,7 +428,7 @@ def _empty_result(
         status=np.full(len(plan), INTERRUPTED, "<U24"),
         energy_error=np.full(len(plan), math.nan),
         stories=StoryPeaks(**peaks),
-        history=history,
+        history=history_arrays(shape, kept, out),
         every=every,
         failures={},
         varied={name: values[[run.draw for run in plan]] for name, values in request.vary.items()},
