@@ -194,9 +194,6 @@ class RestCriterion(NamedTuple):
 
 NO_FREE_VIBRATION = RestCriterion()
 
-_Repeatable = Callable[..., None]
-"""Function that integrates a run, see `PreparedBuilding._repeatable`."""
-
 
 def _integrate_to_rest(
     loop: Loop, steps: Steps, criterion: RestCriterion, integrator: Integrator, space: Workspace
