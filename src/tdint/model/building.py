@@ -122,7 +122,7 @@ class Building:
     @property
     def mass(self) -> Array:
         """Masses of the floors and attachments, kg, shape (masses,)."""
-        return self.linear_terms[rows.MASS, ..., : self.masses]
+        return self.linear_terms[rows.MASS, : self.masses]
 
     @property
     def device_columns(self) -> slice:
@@ -186,7 +186,7 @@ class Building:
     @property
     def story_laws(self) -> Array:
         """Columns of `law_parameters` of the stories, without the elements: views of the table."""
-        return np.asarray(self.law_parameters[..., : self.stories])
+        return np.asarray(self.law_parameters[:, : self.stories])
 
     @cached_property
     def law_codes(self) -> set[float]:
@@ -217,17 +217,17 @@ class Building:
     @cached_property
     def power_damped(self) -> bool:
         """True if any story has a power-law dashpot without a brace."""
-        return bool(np.any(self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0))
+        return bool(np.any(self.linear_terms[rows.POWER_DAMPER, :-1] != 0.0))
 
     @cached_property
     def braced(self) -> bool:
         """True if any story has a damper with a brace."""
-        return bool(np.any(self.linear_terms[rows.BRACE, ..., :-1] != 0.0))
+        return bool(np.any(self.linear_terms[rows.BRACE, :-1] != 0.0))
 
     @cached_property
     def tangent_damped(self) -> bool:
         """True if any story has Rayleigh damping with the tangent stiffness."""
-        return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, ..., :-1] != 0.0))
+        return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, :-1] != 0.0))
 
     @property
     def story_dampers(self) -> Array:
@@ -251,14 +251,14 @@ class Building:
     @cached_property
     def damped_by_devices(self) -> bool:
         """True if any story has a dashpot, with or without a brace."""
-        coefficients = self.linear_terms[rows.DASHPOT, ..., :-1]
+        coefficients = self.linear_terms[rows.DASHPOT, :-1]
         return self.power_damped or self.braced or bool(np.any(coefficients != 0.0))
 
     def damper_force(self, force: Array) -> Array:
         """Return forces along the dampers from their forces in the direction of the drift, N."""
         if not self.damped_by_devices:
             return force
-        factor = self.linear_terms[rows.DAMPER_FACTOR, ..., :-1]
+        factor = self.linear_terms[rows.DAMPER_FACTOR, :-1]
         return np.asarray(np.divide(force, factor, out=np.array(force), where=factor != 1.0))
 
     def peak_damper_force(self, peaks: Array) -> Array:
@@ -277,19 +277,15 @@ class Building:
         """
         if not self.damped_by_devices:
             return np.zeros_like(rate)
-        linear_coefficient = self.linear_terms[rows.DASHPOT, ..., :-1] * np.ones_like(rate)
-        squared_rate = rate**2 + self.linear_terms[rows.THRESHOLD, ..., :-1]
-        exponent = self.linear_terms[rows.POWER, ..., :-1] * np.ones_like(rate)
+        terms = self.linear_terms[:, :-1]
+        squared_rate = rate**2 + terms[rows.THRESHOLD]
         # The exponent may be negative, for which the power of zero is infinite. The force of a
         # story at rest is zero.
-        is_moving = (squared_rate > 0.0) & (self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0)
+        is_moving = (squared_rate > 0.0) & (terms[rows.POWER_DAMPER] != 0.0)
         power_of_rate = np.power(
-            squared_rate, exponent, out=np.zeros_like(squared_rate), where=is_moving
+            squared_rate, terms[rows.POWER], out=np.zeros_like(squared_rate), where=is_moving
         )
-        return np.asarray(
-            (linear_coefficient + self.linear_terms[rows.POWER_DAMPER, ..., :-1] * power_of_rate)
-            * rate
-        )
+        return np.asarray((terms[rows.DASHPOT] + terms[rows.POWER_DAMPER] * power_of_rate) * rate)
 
     @cached_property
     def piecewise_linear(self) -> bool:

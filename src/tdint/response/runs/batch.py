@@ -161,8 +161,7 @@ class Outcomes:
         Parameters
         ----------
         building : Building
-            Building of the runs. If each run has a separate building, the first axis of its arrays
-            is the run.
+            Building of the runs.
         to_rest : bool
             True if the runs continue until free vibration has decayed.
         """
