@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 
     ValueType = click.ParamType[Any]
 else:
-    ValueType = (
-        click.ParamType
-    )  # generic only for type checkers: click before 8.4 does not support brackets
+    # Generic only for type checkers: click before 8.4 does not support brackets.
+    ValueType = click.ParamType
 
 
 class Number(click.FloatRange):

@@ -182,14 +182,16 @@ def run_page(
     table = story_table(response.stories, check.errors if check else None).in_units(units)
     columns = {_quantity(table, name): name for name in table.columns}
     names = [columns[quantity] for quantity in _STORY_COLUMNS if quantity in columns]
-    run_figures = []
-    if response.history is not None:
-        run_figures.append(
-            Picture(
-                lambda: figures.runs.run_picture(response, units),
-                "Response histories, energies, profiles, hysteresis loops",
-            )
-        )
+    histories = Picture(
+        lambda: figures.runs.run_picture(response, units),
+        "Response histories, energies, profiles, hysteresis loops",
+    )
+    element_names = [column.name for column in ELEMENT_COLUMNS]
+    elements = [
+        table.chosen(element_names).in_units(units)
+        for table in (element_table(response),)
+        if table is not None
+    ]
     spectra = Picture(
         lambda: figures.floor_spectra.floor_picture(
             floors, units, title=model.name, period=first_period(model)
@@ -197,7 +199,7 @@ def run_page(
         "Floor spectra",
     )
     chapters = [
-        page_text.result(*run_figures),
+        page_text.result(*([histories] if response.history is not None else [])),
         Chapter("Limits", _limit_parts(response, page_text, units)),
         Chapter(
             "Peaks of the stories",
@@ -207,7 +209,7 @@ def run_page(
                 *_errors_of_run(response, table, names),
             ),
         ),
-        Chapter("Elements of the stories", _element_parts(response, units)),
+        Chapter("Elements of the stories", elements),
         Chapter("Attachments and links", _device_parts(response, units)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
@@ -240,15 +242,6 @@ def _load_chapter(model: Model, end: float, units: OutputUnits) -> Chapter:
         lambda: figures.loads.load_picture(model, end, units), "Forces on floors over time"
     )
     return Chapter("Forces on floors", (load_table(model.excitation).in_units(units), picture))
-
-
-def _element_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
-    """Return the table of the elements of stories with several elements; empty without them."""
-    table = element_table(response)
-    if table is None:
-        return ()
-    names = [column.name for column in ELEMENT_COLUMNS]
-    return (table.chosen(names).in_units(units),)
 
 
 def _device_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:

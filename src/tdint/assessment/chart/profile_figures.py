@@ -83,7 +83,21 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         ],
         NARROW,
     )
-    _add_profile_footnote(figure, chart, narrow)
+    # The conditions of the measurement are the title of the legend, because the layout reserves
+    # space for a legend. A figure of a single method has no legend and no such text.
+    text = (
+        "Each method has the cheapest time step that is within the tolerance together with all "
+        "smaller time steps; lines end at the fraction solved within "
+        f"{_MAX_COST_RATIO:g} times the minimum cost. Times: "
+        f"{conditions(chart.timing)}; {programs(chart.peers)}"
+    )
+    if unsolved := chart.unsolved():
+        text += f". Not solved within 10 %: {abbreviate(unsolved, _MAX_UNSOLVED)}"
+    for legend in figure.legends:
+        footnote = wrap(text, NARROW_FOOT if narrow else PROFILE_FOOT)
+        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))
+        legend.set_title("\n".join(footnote), prop={"size": 7.5})  # type: ignore[arg-type]
+        legend.get_title().set_multialignment("center")
     return titled(
         figure,
         f"Performance profiles over {pluralize(len(chart.measured), 'problem')}\n{PEAKS[target]}",
@@ -123,25 +137,3 @@ def _plot_profiles(
     plain_numbers(axes.xaxis)
     axes.axvline(2.0, color=LIGHT, linewidth=0.6)
     return lines
-
-
-def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> None:
-    """Write the conditions of the measurement below performance profiles: clock, processor and
-    versions of the programs.
-
-    The text is the title of the legend, because the layout reserves space for a legend. A figure of
-    a single method has no legend and no such text.
-    """
-    text = (
-        "Each method has the cheapest time step that is within the tolerance together with all "
-        "smaller time steps; lines end at the fraction solved within "
-        f"{_MAX_COST_RATIO:g} times the minimum cost. Times: "
-        f"{conditions(chart.timing)}; {programs(chart.peers)}"
-    )
-    if unsolved := chart.unsolved():
-        text += f". Not solved within 10 %: {abbreviate(unsolved, _MAX_UNSOLVED)}"
-    for legend in figure.legends:
-        footnote = wrap(text, NARROW_FOOT if narrow else PROFILE_FOOT)
-        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))
-        legend.set_title("\n".join(footnote), prop={"size": 7.5})  # type: ignore[arg-type]
-        legend.get_title().set_multialignment("center")

@@ -138,19 +138,18 @@ def device_rows(
     """Return the rows of both tables; empty without attachments and links (None)."""
     if devices is None:
         return [], []
-    errors, energy_errors = devices.errors, devices if devices.errors else None
+    energy_errors = devices if devices.errors else None
     count = len(model.attachments)
-    columns = (ATTACHMENT_COLUMNS, ATTACHMENT_ERROR), (LINK_COLUMNS, LINK_ERROR)
     attachment_cells, link_cells = (
         joined_rows(
             (
-                (peak_columns, devices.stories),
+                (peaks, devices.stories),
                 (ENERGY, devices),
-                (peak_errors, errors),
+                (errors, devices.errors),
                 (ENERGY_ERROR, energy_errors),
             )
         )
-        for peak_columns, peak_errors in columns
+        for peaks, errors in ((ATTACHMENT_COLUMNS, ATTACHMENT_ERROR), (LINK_COLUMNS, LINK_ERROR))
     )
     return (
         [
