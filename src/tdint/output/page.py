@@ -182,13 +182,10 @@ class _Flow:
     the space that remains. With such rules, two of 18 types of reports ended with a nearly blank
     page.
 
-    Parameters
+    Attributes
     ----------
     scale : float
         Factor of the heights of figures, at most 1.
-
-    Attributes
-    ----------
     body : list of str
         HTML elements.
     position : float
