@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from tdint.kernels.laws import OURS
 from tdint.model.config.sections import ModelUnits
 from tdint.model.config.stories import (
     DASHPOT,
@@ -29,10 +30,9 @@ from tdint.model.keys.fields import (
     Value,
 )
 from tdint.model.story import MAX_STORIES, Story, column_name
-from tdint.model.story_laws import LAWS, LINEAR, Law
+from tdint.model.story_laws import CODES, LAWS, LINEAR, Law
 
 _GROUND = "ground"
-_EQUAL_DIRECTIONS = {"linear", "peak-oriented", "tanh", "trilinear-pinching", "ramberg-osgood"}
 _INERTANCE = Key("inertance", POSITIVE, "not supported: see the message")
 _NO_INERTANCE = (
     "inertance is not supported: an inerter between two floors couples their accelerations; omit it"
@@ -200,15 +200,17 @@ def _is_symmetric(section: Section, law: Law) -> bool:
         return False
     if entry is None or declared.symmetric(law.parameters):
         return True
-    if any(parameter.group == "negative" for parameter in declared.parameters):
-        sides = entry.peek("sides")
-        return entry.peek("negative") is None and (sides is None or sides.is_word("both"))
-    # The last parameters state if these laws differ.
-    if law.name == "bouc-wen":
-        return law.parameters[-1] == 0.0
-    if law.name == "steel":
-        return law.parameters[-4:-2] == law.parameters[-2:]
-    return law.name in _EQUAL_DIRECTIONS
+    sides = entry.peek("sides")
+    if entry.peek("negative") is not None or not (sides is None or sides.is_word("both")):
+        return False
+    if CODES[law.name] >= OURS:
+        return any(parameter.group == "negative" for parameter in declared.parameters)
+    numbers = law.values
+    return (
+        not (numbers.get("asymmetry") or "coefficients[1]" in numbers)
+        and numbers.get("isotropic.a1") == numbers.get("isotropic.a3")
+        and numbers.get("isotropic.a2") == numbers.get("isotropic.a4")
+    )
 
 
 def _read_end(
