@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from law_paths import along, random_path
 from tdint.errors import ModelError
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import tridiagonal
@@ -206,6 +207,16 @@ def test_invalid_devices_are_refused(text, message):
         read(text)
 
 
+IMK = (
+    "type: imk, yield_force: 9, plastic_drift: 2, post_capping_drift: 4, capping_ratio: 1.2, "
+    "residual_ratio: 0, ultimate_drift: 30, deterioration: 40"
+)
+PINCHING4 = (
+    "type: multilinear-pinching, backbone: [[1, 5], [3, 9]], "
+    "pinching: {drift: 0.5, force: 0.2, unloading: 0}"
+)
+
+
 @pytest.mark.parametrize(
     "equal, law",
     [
@@ -217,7 +228,23 @@ def test_invalid_devices_are_refused(text, message):
         (True, "{type: bouc-wen, yield_force: 9, hardening: 0, exponent: 1, beta: 0.5}"),
         (True, "{type: gap, gap: 1, stop_stiffness: 9, sides: both}"),
         (True, "{type: multilinear, rule: peak, backbone: [[1, 5]], sides: both}"),
+        (True, "{type: bilinear, yield_force: 9, hardening: 0, negative: {yield_force: 9}}"),
+        (True, "{type: ramberg-osgood, yield_force: 9, alpha: 1, exponent: 3}"),
+        (
+            True,
+            "{type: trilinear-pinching, yield_force: 9, ultimate_force: 12, ultimate_drift: 4, "
+            "pinching: 0.5, unloading: 0}",
+        ),
+        (True, f"{{{IMK}}}"),
+        (True, f"{{{PINCHING4}}}"),
         (True, "{type: linear, fracture_drift: 2}"),
+        (False, "{type: bilinear, yield_force: 9, hardening: 0, negative: {yield_force: 8}}"),
+        (False, f"{{{IMK}, negative: {{rate: 0.5}}}}"),
+        (False, f"{{{PINCHING4}, negative: {{backbone: [[1, 5], [3, 8]]}}}}"),
+        (
+            False,
+            f"{{{PINCHING4}, negative: {{pinching: {{drift: 0.2, force: 0.2, unloading: 0}}}}}}",
+        ),
         (False, "{type: linear, fracture_drift: {positive: 2, negative: 3}}"),
         (
             False,
@@ -235,9 +262,17 @@ def test_invalid_devices_are_refused(text, message):
 )
 def test_only_laws_that_differ_by_direction_need_the_lower_end_first(equal, law):
     """A law of one side, or with different fractures, acted on the other side in a link from a
-    floor to a lower one; other laws that are equal in both directions were refused."""
+    floor to a lower one; other laws that are equal in both directions were refused. Forces along a
+    path and along the opposite path show whether a law is equal in both directions."""
     has_stiffness = "multilinear" not in law and "polynomial" not in law
-    link = f"from: 2, to: 1, law: {law}" + (", stiffness: 5" if has_stiffness else "")
+    stiffness = ", stiffness: 5" if has_stiffness else ""
+    spring = read(f"links: [{{from: 1, to: 2, law: {law}{stiffness}}}]").links[0].spring
+    path = random_path(1, largest=5.0)
+    there, back = (
+        along(spring.law, side * path, stiffness=spring.stiffness).shear for side in (1.0, -1.0)
+    )
+    assert np.allclose(there, -back, rtol=0.0, atol=1e-9) == equal
+    link = f"from: 2, to: 1, law: {law}{stiffness}"
     if equal:
         assert read(f"links: [{{{link}}}]").links[0].ends == (2, 1)
     else:

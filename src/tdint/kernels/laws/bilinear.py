@@ -213,6 +213,7 @@ LAW = DriftLaw(
     ),
     kinked=True,
     concave=True,
+    equal_directions=lambda values: values[0] == values[2],
     yield_drift=_yield_drift,
     stiffness_after_yield=hardening_stiffness,
     last_line=_last_line,

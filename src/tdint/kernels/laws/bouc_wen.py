@@ -627,6 +627,7 @@ LAW = DriftLaw(
     ),
     kinked=True,
     curved=True,
+    equal_directions=lambda values: values[-1] == 0.0,  # asymmetry
     failed=_FAILED,
     warning=_warning,
     yield_drift=yields_at_its_strength,

@@ -43,6 +43,7 @@ def fracturing(law: DriftLaw) -> DriftLaw:
         concave=False,
         failed=fractured,
         symmetric=lambda values: False,
+        equal_directions=lambda values: False,
     )
 
 

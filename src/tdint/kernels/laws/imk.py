@@ -616,6 +616,7 @@ LAW = DriftLaw(
         LawParameter("drift", low=0.0, high=1.0, group="pinching", without=1.0),
     ),
     kinked=True,
+    equal_directions=lambda values: values[:_SIDE] == values[_SIDE : 2 * _SIDE],
     extra_rows=_EXTRA_ROWS,
     yield_drift=yields_at_its_strength,
     stiffness_after_yield=_slope_to_capping,

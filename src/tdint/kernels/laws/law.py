@@ -187,6 +187,9 @@ class DriftLaw:
     symmetric : callable
         Parameter values -> True if the law is elastic, and forces at opposite drifts are opposite.
         The peak shear of a story then occurs at its peak drift.
+    equal_directions : callable
+        Parameter values -> True if opposite paths of the drift have opposite forces. Not required
+        of a law that is `symmetric`. By default False, because only the law can state it.
     initial_stiffness : callable, optional
         Parameter values -> initial stiffness, N/m. None if the model file specifies the stiffness
         of the story.
@@ -229,6 +232,7 @@ class DriftLaw:
     extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     symmetric: Callable[[Sequence[float]], bool] = lambda values: False
+    equal_directions: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None
     yield_drift: Callable[[float, Sequence[float]], float] = lambda stiffness, values: math.nan
     fault: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None

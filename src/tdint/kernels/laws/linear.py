@@ -35,5 +35,6 @@ LAW = DriftLaw(
     "f = k d",
     _functions,
     concave=True,
+    equal_directions=lambda values: True,
     last_line=lambda stiffness, values, side: (0.0, stiffness),
 )

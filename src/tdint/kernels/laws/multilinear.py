@@ -729,8 +729,13 @@ def _stiffens(values: Sequence[float]) -> bool:
 
 def _is_symmetric(values: Sequence[float]) -> bool:
     """Return True if the law is elastic with the same curve on both sides."""
-    curves = _upper_curves(values)
-    return values[0] == _ELASTIC and len(curves) == 2 and curves[0] == curves[1]
+    return values[0] == _ELASTIC and _has_equal_sides(values)
+
+
+def _has_equal_sides(values: Sequence[float]) -> bool:
+    """Return True if the law acts on both sides with the same curves."""
+    curves = list(_sides(values).values())
+    return len(curves) == 2 and curves[0] == curves[1]
 
 
 def _yield_drift(stiffness: float, values: Sequence[float]) -> float:
@@ -817,6 +822,7 @@ LAW = DriftLaw(
     extra_rows=MAX_POINTS,
     stiffens=_stiffens,
     symmetric=_is_symmetric,
+    equal_directions=_has_equal_sides,
     initial_stiffness=_initial_stiffness,
     largest_stiffness=_largest_stiffness,
     yield_drift=_yield_drift,

@@ -736,6 +736,15 @@ _PINCHING_PARAMETERS = (
 )
 
 
+def _has_equal_sides(values: Sequence[float]) -> bool:
+    """Return True if both sides have the same backbone curve and the same pinching."""
+    backbones, pinching = values[: 2 * _SIDE], values[2 * _SIDE :][: 2 * _PINCHING_SIDE]
+    return (backbones[:_SIDE], pinching[:_PINCHING_SIDE]) == (
+        backbones[_SIDE:],
+        pinching[_PINCHING_SIDE:],
+    )
+
+
 def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
     """Return the declarations of the five parameters of a type of degradation: `stiffness`, `drift`
     or `strength`.
@@ -776,6 +785,7 @@ LAW = DriftLaw(
         LawParameter("capacity", low=0.0, low_allowed=False, group="degradation", without=math.inf),
     ),
     kinked=True,
+    equal_directions=_has_equal_sides,
     extra_rows=_EXTRA_ROWS,
     initial_stiffness=lambda values: values[1] / values[0],
     yield_drift=lambda stiffness, values: values[0],  # the first point of the positive side

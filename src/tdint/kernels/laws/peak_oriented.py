@@ -61,6 +61,7 @@ LAW = DriftLaw(
         LawParameter("unloading", low=0.0, high=1.0, high_allowed=False),
     ),
     kinked=True,
+    equal_directions=lambda values: True,
     yield_drift=yields_at_its_strength,
     stiffness_after_yield=hardening_stiffness,
 )

@@ -240,6 +240,7 @@ LAW = DriftLaw(
     ),
     kinked=True,
     concave=True,
+    equal_directions=lambda values: True,
     curved=True,
     extra_rows=2 * _MAX_REVERSALS,
     yield_drift=yields_at_its_strength,

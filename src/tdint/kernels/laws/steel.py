@@ -285,6 +285,7 @@ LAW = DriftLaw(
     ),
     kinked=True,
     curved=True,
+    equal_directions=lambda values: values[-4:-2] == values[-2:],  # a1, a2 and a3, a4
     extra_rows=_EXTRA_ROWS,
     warning=_warning,
     yield_drift=yields_at_its_strength,

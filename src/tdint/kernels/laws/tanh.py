@@ -72,5 +72,6 @@ LAW = DriftLaw(
     parameters=(LawParameter("strength", force=1, low=0.0, low_allowed=False),),
     curved=True,
     concave=True,
+    equal_directions=lambda values: True,
     stiffness_after_yield=lambda stiffness, values: 0.0,
 )

@@ -97,6 +97,7 @@ LAW = DriftLaw(
         LawParameter("unloading", low=0.0, high=1.0, high_allowed=False),
     ),
     kinked=True,
+    equal_directions=lambda values: True,
     yield_drift=yields_at_its_strength,
     stiffness_after_yield=_slope_to_ultimate,
     fault=_fault,

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tdint.kernels.laws import OURS
 from tdint.model.config.sections import ModelUnits
 from tdint.model.config.stories import (
     DASHPOT,
@@ -30,7 +29,7 @@ from tdint.model.keys.fields import (
     Value,
 )
 from tdint.model.story import MAX_STORIES, Story, column_name
-from tdint.model.story_laws import CODES, LAWS, LINEAR, Law
+from tdint.model.story_laws import LAWS, LINEAR, Law
 
 _GROUND = "ground"
 _INERTANCE = Key("inertance", POSITIVE, "not supported: see the message")
@@ -181,7 +180,7 @@ def _read_link(
     if start == end:
         section.value.fault("`from` and `to` must be different")
         return None
-    if start > end and not _is_symmetric(section, spring.law):
+    if start > end and not _has_equal_directions(spring.law):
         section.value.fault(
             "`from` must be below `to` for a law that differs in both directions; exchange both "
             "ends and both directions"
@@ -189,27 +188,12 @@ def _read_link(
     return Link(name, (start, end), spring)
 
 
-def _is_symmetric(section: Section, law: Law) -> bool:
-    """Return True if a law is equal in both directions.
-
-    Laws of plug-ins are equal in both directions if they declare it, or if the file omits their
-    group `negative`.
-    """
-    declared, entry = LAWS[law.name], section.get("law")
-    if sum(law.fracture):  # the drifts have opposite signs
-        return False
-    if entry is None or declared.symmetric(law.parameters):
-        return True
-    sides = entry.peek("sides")
-    if entry.peek("negative") is not None or not (sides is None or sides.is_word("both")):
-        return False
-    if CODES[law.name] >= OURS:
-        return any(parameter.group == "negative" for parameter in declared.parameters)
-    numbers = law.values
-    return (
-        not (numbers.get("asymmetry") or "coefficients[1]" in numbers)
-        and numbers.get("isotropic.a1") == numbers.get("isotropic.a3")
-        and numbers.get("isotropic.a2") == numbers.get("isotropic.a4")
+def _has_equal_directions(law: Law) -> bool:
+    """Return True if a law is equal in both directions."""
+    declared, values = LAWS[law.name], law.parameters
+    # The drifts of fractures have opposite signs.
+    return sum(law.fracture) == 0.0 and (
+        declared.symmetric(values) or declared.equal_directions(values)
     )
 
 
