@@ -36,6 +36,33 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_an_attachment_that_still_moves_is_named(folder, tdint):
+    """A tank of 10 Hz without a dashpot on a building that comes to rest: the stated
+    amplitude is that of its free vibration."""
+    (folder / "model.yaml").write_text(
+        """
+units: {length: m, force: kN, mass: t}
+stories: [{mass: 100, height: 3, stiffness: 6.0e4, dashpot: 2000}]
+attachments: [{name: tank, floor: 1, mass: 1.0e-6, stiffness: 3.947842e-3}]
+excitation: {record: {file: rest.csv, units: m/s^2}}
+initial: {displacement: [0.0], velocity: [0.1]}
+analysis: {method: moment4, dt: 0.005, duration: 3.02}
+"""
+    )
+    lines = "".join(f"{0.01 * i:.2f},0\n" for i in range(400))
+    (folder / "rest.csv").write_text("time_s,acceleration\n" + lines)
+    printed = tdint("run", "model.yaml", "-o", "out", "--history", code=0).stderr
+    (tank,) = rows((folder / "out/attachments.csv").read_text())
+    history = rows((folder / "out/history.csv").read_text())[-40:]
+    amplitude = max(abs(float(row["tank_drift_m"])) for row in history)
+    assert abs(float(tank["residual_drift_m"])) < 0.9 * amplitude
+    assert f"tank still vibrates at the end (deformation by about +-{1e3 * amplitude:.2g} mm)" in (
+        " ".join(printed.split())
+    )
+    note = "note: the pushover is without the attachments"
+    assert note in tdint("pushover", "model.yaml", "--drift", "1mm", code=0).stderr
+
+
 def test_tables_of_attachments_and_links(folder, tdint):
     printed = tdint("run", "model.yaml", "-o", "out", "--history", "--plot", code=0)
     (tank,) = rows((folder / "out/attachments.csv").read_text())

@@ -175,3 +175,11 @@ def test_invalid_arguments_are_refused(
     folder: Path, tdint: Command, arguments: tuple[Any, ...], message: str
 ) -> None:
     tdint.refused(message, "run", "forced.yaml", *arguments)
+
+
+@pytest.mark.parametrize("option", [(), ("--output-units", "kip,in,g")])
+def test_a_target_beyond_the_curve_is_stated_in_the_units_of_the_results(folder, tdint, option):
+    model = (folder / "shaken.yaml").read_text()
+    (folder / "shaken.yaml").write_text(model if option else model + "output_units: kip,in,g\n")
+    call = ("pushover", "shaken.yaml", "--drift", "1mm", "--target", "ec8:type=1,soil=C,ag=1g")
+    assert "the end of the pushover curve at 0.03937 in;" in tdint(*call, *option, code=5).stderr

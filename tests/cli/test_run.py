@@ -215,6 +215,7 @@ def test_a_story_without_initial_stiffness(folder, tdint):
     tdint.refused("no initial stiffness; give a duration", "run", *call, "--until-rest", code=3)
     for option in (("--transfer",), ("--target", "ec8:type=1,soil=C,ag=0.3g")):
         tdint.refused("no initial stiffness; use time", "modes", "cubic.yaml", *option, code=3)
+    tdint.refused("use a measure without a period, such as pga", "ida", *call, "--max-im", "1g")
     tdint("modes", "cubic.yaml", "--report", "modes.html", code=0)
     checked = tdint("check", "cubic.yaml", code=0)
     assert "unusual fundamental period" not in checked.stderr

@@ -2,6 +2,7 @@
 
 import io
 import math
+import pickle
 from typing import Any
 
 import pytest
@@ -261,6 +262,27 @@ def test_ratio_of_fracture_is_a_drift_ratio_also_for_an_inclined_element() -> No
     model = load_model({"stories": [{"mass": 1e3, "height": 3.0, "elements": elements}]})
     drifts = [spring.law.fracture for spring in model.stories[0].elements]
     assert drifts == [pytest.approx((0.075, -0.075)), pytest.approx((0.06, -0.06))]
+
+
+@pytest.mark.parametrize("drift", ["2%", 0.07, {"positive": "3%", "negative": 0.08}])
+def test_varied_height_changes_drifts_of_fracture_like_an_edited_file(drift: object) -> None:
+    law = {"type": "bilinear", "hardening": 0, "fracture_drift": drift}
+    brace = {**law, "stiffness": 1e6, "yield_force": 1e3, "name": "brace", "factor": 0.8}
+
+    def story(height: float, force: float = 1e3) -> Model:
+        story = {"mass": 1e3, "height": height}
+        single = {**story, "stiffness": 1e6, "law": {**law, "yield_force": force}}
+        return load_model({"stories": [{**story, "elements": [brace]}, single]})
+
+    changed = story(3.0).replace(**{"stories.height": 4.1})
+    assert pickle.loads(pickle.dumps(changed)).stories == story(4.1).stories
+    for names in ({"stories[2].law.yield_force": 1e5}, {"stories.height": 0.02, "mass_factor": 2}):
+        if drift == 0.07 and "mass_factor" in names:
+            continue
+        with pytest.raises(UsageError, match=r"fracture_drift is .* at least the yield drift"):
+            story(3.0).replace(**names)
+    with pytest.raises(ModelError, match="at least the yield drift"):
+        story(3.0, 1e5)
 
 
 def test_varied_number_of_a_single_inclined_element_is_the_value_along_it() -> None:

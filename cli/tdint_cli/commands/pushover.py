@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import AnalysisError
@@ -70,10 +71,13 @@ def command(
     from tdint.response.static.pushover import pushover
 
     loaded = load_model(model)
-    result = pushover(loaded, drift, pattern=pattern, points=points)
     page_units = outputs.units or loaded.page_units
     outputs = outputs.else_in(loaded.output_units)
+    loaded = replace(loaded, output_units=outputs.shown_units)
+    result = pushover(loaded, drift, pattern=pattern, points=points)
     options.analysis.warn_of(loaded)
+    if loaded.attachments:
+        note("the pushover is without the attachments, their masses and their weights")
     units = outputs.shown_units
     # With a target the table lists target displacements; the curve is only in the figure. If the
     # target is after the end of the curve, the curve is the result, and the error follows.

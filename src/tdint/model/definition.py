@@ -572,7 +572,15 @@ class Model:
         for i, of_story in changed.items():
             stories[i] = story_with_numbers(stories[i], of_story, i in has_changed_law)
             for spring in stories[i].springs:
-                fault = LAWS[spring.law.name].fault(spring.stiffness, spring.law.parameters)
+                law = LAWS[spring.law.name]
+                fault = law.fault(spring.stiffness, spring.law.parameters)
+                first_yield = law.yield_drift(spring.stiffness, spring.law.parameters)
+                drifts = [abs(drift) for drift in spring.law.fracture if drift]
+                if not fault and drifts and min(drifts) < first_yield:
+                    fault = (
+                        f"its fracture_drift is {min(drifts):.6g} m and must be at least the yield "
+                        f"drift {first_yield:.6g} m"
+                    )
                 if fault:
                     raise UsageError(
                         f"{self.name}: invalid variation of {spring_label(i, spring)}: {fault}"

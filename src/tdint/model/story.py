@@ -158,8 +158,17 @@ def story_with_numbers(story: Story, numbers: Mapping[Path, float], is_law_chang
 
     The stiffness of a story with elements is the sum of their stiffnesses. If a parameter of the
     law has been changed and the law defines the initial stiffness, the stiffness is computed from
-    the parameters.
+    the parameters. A drift of fracture that is a ratio follows the height.
     """
+    if height := numbers.get(("height",)):
+        fractures: dict[Path, float] = {
+            (*(("elements", number) if story.elements else ()), "law", "fracture", side): ratio
+            * height
+            for number, spring in enumerate(story.springs)
+            for side, ratio in enumerate(spring.law.fracture_ratio)
+            if ratio
+        }
+        numbers = {**numbers, **fractures}
     changed: Story = _with_numbers(story, numbers)
     if not (is_law_changed or story.elements):
         return changed

@@ -130,11 +130,14 @@ class Law:
         one and is flattened. The last parameters may be omitted if they have defaults.
     fracture : tuple of float
         Drifts where the law loses its force permanently, m: positive and negative; 0 for none.
+    fracture_ratio : tuple of float
+        The same drifts over the story height, which they follow; 0 for a drift that is a length.
     """
 
     name: str
     parameters: tuple[float, ...]
     fracture: tuple[float, float] = (0.0, 0.0)
+    fracture_ratio: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Append the defaults of parameters that are omitted at the end."""
@@ -179,18 +182,11 @@ class Law:
         if plugin:
             path, digest = plugin
             code = CODES[self.name]
-            return _restore_law, (self.name, self.parameters, self.fracture, code, path, digest)
+            return _restore_law, (astuple(self), code, path, digest)
         return Law, tuple(astuple(self))
 
 
-def _restore_law(
-    name: str,
-    parameters: tuple[float, ...],
-    fracture: tuple[float, float],
-    code: int,
-    file: str,
-    digest: str,
-) -> Law:
+def _restore_law(fields: tuple[Any, ...], code: int, file: str, digest: str) -> Law:
     """Restore a law of a plug-in in another process, and load the plug-in (path `file`, SHA-256
     `digest`) if necessary.
 
@@ -201,6 +197,7 @@ def _restore_law(
         law does not have the number `code` in this process, because plug-ins were loaded in another
         order.
     """
+    name = fields[0]
     if name in LAWS:
         require_version(LAWS[name], "LAWS", file, digest)
     else:
@@ -213,7 +210,7 @@ def _restore_law(
             f"process, but number {code} in the process that created the model; load all plug-ins "
             "in the same order in every process"
         )
-    return Law(name, parameters, fracture)
+    return Law(*fields)
 
 
 def default_numbers(

@@ -38,35 +38,36 @@ def read_fracture(
     if entry is None:
         return law
     if not entry.is_mapping:
-        drift = _read_drift(entry, law, stiffness, unit, height)
-        fracture = (drift, -drift)
+        sides: list[Value | None] = [entry, entry]
     elif section := entry.section(list(_SIDES)):
-        positive, negative = (
-            _read_drift(side, law, stiffness, unit, height) if (side := section.get(name)) else 0.0
-            for name in _SIDES
-        )
-        fracture = (positive, -negative)
+        sides = [section.get(name) for name in _SIDES]
     else:
         return law
-    return law if any(map(math.isnan, fracture)) else replace(law, fracture=fracture)
+    drifts = [side and _read_drift(side, law, stiffness, unit, height) for side in sides]
+    (positive, ratio), (negative, negative_ratio) = (drift or (0.0, 0.0) for drift in drifts)
+    if math.isnan(positive + negative):
+        return law
+    return replace(law, fracture=(positive, -negative), fracture_ratio=(ratio, -negative_ratio))
 
 
 def _read_drift(
     entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
-) -> float:
-    """Return a drift, m; nan after an error."""
+) -> tuple[float, float]:
+    """Return a drift, m (nan after an error), and its ratio to the height, 0 for a length."""
+    ratio = 0.0
     if not entry.is_percentage:
         drift = entry.number(POSITIVE, unit.length)
     elif height is None:
         entry.fault("needs the height of the story, or give a drift in the unit of length")
-        return math.nan
+        return math.nan, ratio
     else:
         # A story height is not divided by the cosine of an inclined element.
-        drift = entry.number(DRIFT_BOUNDS) * height
+        ratio = entry.number(DRIFT_BOUNDS)
+        drift = ratio * height
     first_yield = LAWS[law.name].yield_drift(stiffness, law.parameters)
     if drift < first_yield:
         entry.fault(
             f"must be at least the yield drift {first_yield / unit.length:.6g}, got "
             f"{drift / unit.length:.6g}"
         )
-    return drift
+    return drift, ratio

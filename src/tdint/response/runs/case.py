@@ -620,6 +620,7 @@ class Case:
             elements = element_peaks(self.model, results, stories.peak_drift)
         late = 0.0 if result.completed > steps.count else steps.late
         bound = interstep_peak_errors(self.building, space, late, slice(self.building.floors))
+        oscillation = residual_oscillation(self.building, space)
         response = Response(
             model=self.model,
             record=self.record,
@@ -641,14 +642,14 @@ class Case:
             interstep_bound=bound,
             devices=device_peaks(self.building, space, steps.late),
             flexure=flexure,
-            residual_oscillation=residual_oscillation(self.building, space)[: self.building.floors],
+            residual_oscillation=oscillation[: self.building.floors],
             collapse=collapse,
             warnings=warnings,
             elements=elements,
         )
         return replace(
             response,
-            notes=self._notes(response, steps),
+            notes=self._notes(response, steps, oscillation),
             warnings=(*warnings, *self._resolution_warnings(response)),
             growth=growth,
         )
@@ -702,8 +703,11 @@ class Case:
             f"energy, {change} the method: {_REMEDY}"
         ]
 
-    def _notes(self, response: Response, steps: Steps) -> tuple[str, ...]:
-        """Return the notes on the conditions and the limits of a run."""
+    def _notes(self, response: Response, steps: Steps, oscillation: Array) -> tuple[str, ...]:
+        """Return the notes on the conditions and the limits of a run.
+
+        `oscillation` contains the amplitudes of the stories and attachments at the end, m.
+        """
         record, end = self.record, response.steps * response.dt
         ended_by_collapse = response.collapse is not None and response.collapse.ended
         notes = [*model_notes(self.model), *self.remarks, *(record.notes if record else ())]
@@ -741,19 +745,34 @@ class Case:
             )
         # Under forces on floors, which do not end, there is no state of rest.
         if record and not (ended_by_collapse or self.model.excitation.has_forces):
-            notes += self._vibration_note(response, free_vibration=end - record.duration)
+            notes += self._vibration_note(response, oscillation, end - record.duration)
         return tuple(notes)
 
-    def _vibration_note(self, response: Response, free_vibration: float) -> list[str]:
-        """Return the note that the building still vibrates at the end, if this applies.
+    def _vibration_note(
+        self, response: Response, oscillation: Array, free_vibration: float
+    ) -> list[str]:
+        """Return the note that the building, or otherwise an attachment, still vibrates at the end,
+        if this applies.
 
         `free_vibration` is the time from the end of the record to the end of the run, s; it may be
         negative.
         """
         amplitude = response.residual_oscillation
         i = int(amplitude.argmax())
+        what, where, results = "the building", f"drift of story {i + 1}", "residual drifts"
         if amplitude[i] <= _VIBRATION_FRACTION * response.stories.peak_drift.max():
-            return []
+            if response.devices is None:
+                return []
+            amplitude = oscillation[self.building.floors : self.building.masses]
+            excess = (
+                amplitude
+                - _VIBRATION_FRACTION * response.devices.stories.peak_drift[: amplitude.size]
+            )
+            if not np.any(excess > 0.0):
+                return []
+            i = int(excess.argmax())
+            what, where = f"attachment {self.model.attachments[i].name}", "deformation"
+            results = "its residual results"
         # Amplitudes are small: mm instead of m.
         unit, metres_per_unit = self.model.output_units.unit("m")
         drift = (
@@ -772,9 +791,8 @@ class Case:
             else "see --until-rest"
         )
         return [
-            f"the building still vibrates at the end (drift of story {i + 1} by about "
-            f"+-{drift}): "
-            f"residual drifts are instantaneous values; {advice}"
+            f"{what} still vibrates at the end ({where} by about +-{drift}): {results} are "
+            f"instantaneous values; {advice}"
         ]
 
     def _stiffening_note(self) -> tuple[str, ...]:

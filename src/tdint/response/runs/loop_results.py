@@ -88,18 +88,24 @@ def residual_oscillation(
     As in a free vibration, the amplitude is sqrt(d^2 + (v / omega)^2), with the distance d from the
     position of rest and the drift rate v. At rest, no story has a force, so d is the force of the
     story divided by its present stiffness. 1 / omega is `inverse_omega` (s; by default the maximum
-    displacement divided by the maximum velocity of the run), times the square root of the ratio of
-    initial to present stiffness.
+    displacement divided by the maximum velocity of the run, for an attachment with a stiffness that
+    of its mass on a floor at rest), times the square root of the ratio of initial to present
+    stiffness.
     """
     distance, present_stiffness = building.rest_distance(space.law_state)
     rate = building.drifts(space.state[rows.VELOCITY])
+    initial_stiffness = building.initial_stiffness
+    inverse = np.full(rate.shape, inverse_omega, dtype=float)
     if inverse_omega is None:
         displacement, velocity = (
             float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
         )
-        inverse_omega = displacement / velocity if velocity > 0.0 else 0.0
-    softening = np.sqrt(building.initial_stiffness / present_stiffness)
-    return np.asarray(np.hypot(distance, rate * inverse_omega * softening))
+        inverse[:] = displacement / velocity if velocity > 0.0 else 0.0
+        attached = np.arange(building.floors, building.masses)
+        attached = attached[initial_stiffness[attached] > 0.0]
+        inverse[attached] = np.sqrt(building.mass[attached] / initial_stiffness[attached])
+    softening = np.sqrt(initial_stiffness / present_stiffness)
+    return np.asarray(np.hypot(distance, rate * inverse * softening))
 
 
 def possible_growth(

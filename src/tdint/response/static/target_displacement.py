@@ -398,6 +398,7 @@ def _solve(
             break
         previous = roof
     else:
+        text = curve.pushed.model.output_units.text
         displacement = idealize(previous).roof_displacement
         reason = (
             f"; the curve ends there: {curve.pushed.ended}"
@@ -405,8 +406,8 @@ def _solve(
             else "; continue the pushover to a larger displacement"
         )
         raise AnalysisError(
-            f"the target displacement of the roof ({method}) is about {displacement:.4g} m, which "
-            f"exceeds the end of the pushover curve at {previous:.4g} m{reason}"
+            f"the target displacement of the roof ({method}) is about {text(displacement, 'm')}, "
+            f"which exceeds the end of the pushover curve at {text(previous, 'm')}{reason}"
         )
     # `previous` equals `roof` if the first point of the curve already exceeds the result.
     root = previous

@@ -286,7 +286,12 @@ def pseudo_accelerations(
 
 
 def check_period(period: float) -> None:
-    """Raise UsageError if the period of an intensity measure is not positive."""
+    """Raise UsageError if the period of an intensity measure is not positive, or infinite."""
+    if period == math.inf:
+        raise UsageError(
+            "there is no first period for the intensity measure, because a story has no initial "
+            "stiffness; give a period, or use a measure without a period, such as pga"
+        )
     if not (math.isfinite(period) and period > 0.0):
         raise UsageError(
             "the period of an intensity measure must be a positive number of seconds, got "
