@@ -387,7 +387,7 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
     except UsageError as error:
         from tdint.methods.unavailable import UnavailableMethod  # seldom needed
 
-        return Integrator(cast("Method", UnavailableMethod(text, file, digest, str(error))))
+        return Integrator(cast("Method", UnavailableMethod(str(error))))
     return parse(text)
 
 

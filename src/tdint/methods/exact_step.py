@@ -85,14 +85,14 @@ def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Ar
     return np.moveaxis(coefficient_rows, (0, 1), (-2, -1))
 
 
-def van_loan(k: Array, c: Array, patterns: Array) -> Array:
-    """Return the exact step of u'' + c u' + k u = P p(t) over unit time, by Van Loan (1978): the
+def van_loan(k: Array, c: Array, patterns: Array, h: float = 1.0) -> Array:
+    """Return the exact step of u'' + c u' + k u = P p(t) over the time h, by Van Loan (1978): the
     matrix that maps (u0, v0, p0, p1) to (u1, v1).
 
-    The load p = p0 + (p1 - p0) t and its increase d = p1 - p0 are additional state variables of the
-    first-order system
+    The load p = p0 + (p1 - p0) t / h and its increase d = p1 - p0 are additional state variables of
+    the first-order system, with derivatives with respect to t / h,
 
-        u' = v,   v' = -k u - c v + P p,   p' = d,   d' = 0
+        u' = h v,   v' = h (-k u - c v + P p),   p' = d,   d' = 0
 
     `patterns` is the distribution P of each load over the floors, divided by the masses.
     """
@@ -101,10 +101,10 @@ def van_loan(k: Array, c: Array, patterns: Array) -> Array:
     # u (n floors), v (n floors), p and d (loads each)
     n, loads = patterns.shape
     block = np.zeros((2 * n + 2 * loads, 2 * n + 2 * loads))
-    block[:n, n : 2 * n] = np.eye(n)
-    block[n : 2 * n, :n] = -k
-    block[n : 2 * n, n : 2 * n] = -c
-    block[n : 2 * n, 2 * n : 2 * n + loads] = patterns
+    block[:n, n : 2 * n] = h * np.eye(n)
+    block[n : 2 * n, :n] = -h * k
+    block[n : 2 * n, n : 2 * n] = -h * c
+    block[n : 2 * n, 2 * n : 2 * n + loads] = h * patterns
     block[2 * n : 2 * n + loads, 2 * n + loads :] = np.eye(loads)
     # With the columns P0 and D of the exponential for p0 and d, the response to the load is P0 p0 +
     # D (p1 - p0) = (P0 - D) p0 + D p1.

@@ -17,17 +17,10 @@ class UnavailableMethod:
 
     Attributes
     ----------
-    text : str
-        Specification of the method.
-    file, digest : str
-        File of the plug-in and its hash.
     message : str
         Reason why the plug-in could not be loaded, or why its version in this process differs.
     """
 
-    text: str
-    file: str
-    digest: str
     message: str
 
     def __getattr__(self, name: str) -> Any:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import RUNAWAY
-from tdint.methods.exact_step import oscillator
+from tdint.methods.exact_step import oscillator, van_loan
 from tdint.methods.workspace import (
     BASE_DISPLACEMENT,
     BASE_ROTATION,
@@ -77,7 +77,7 @@ class _Transition:
         self.patterns = patterns
         self.is_coupled = ratios is None
         if ratios is None:
-            self.matrix = _coupled_step(omega, damping, patterns, h)
+            self.matrix = van_loan(np.diag(omega**2), damping, patterns, h)
             return
         # Columns of u0, h v0, h^2 p0 and h^2 p1, rows of u1 and h v1
         steps = oscillator(omega * h, ratios) * np.array([1.0, h, h * h, h * h])
@@ -107,24 +107,6 @@ class _Transition:
         end = self.columns[0] * state[..., :1, :]
         end += self.columns[1] * state[..., 1:, :]
         return np.asarray(end)
-
-
-def _coupled_step(omega: Array, damping: Array, patterns: Array, h: float) -> Array:
-    """Return the matrix that maps displacements, velocities and the loads at both ends of a step to
-    displacements and velocities at its end, from the exponential of the first-order system in which
-    the loads and their increase are further variables (Van Loan 1978)."""
-    from scipy.linalg import expm
-
-    n, loads = patterns.shape
-    block = np.zeros((2 * n + 2 * loads, 2 * n + 2 * loads))
-    block[:n, n : 2 * n] = h * np.eye(n)
-    block[n : 2 * n, :n] = np.diag(-h * omega**2)
-    block[n : 2 * n, n : 2 * n] = -h * damping
-    block[n : 2 * n, 2 * n : 2 * n + loads] = h * patterns
-    block[2 * n : 2 * n + loads, 2 * n + loads :] = np.eye(loads)
-    matrix = expm(block)[: 2 * n]
-    matrix[:, 2 * n : 2 * n + loads] -= matrix[:, 2 * n + loads :]
-    return np.asarray(matrix)
 
 
 @dataclass
