@@ -4,6 +4,7 @@ import io
 import itertools
 import math
 import os
+import re
 import sys
 import tracemalloc
 
@@ -20,6 +21,7 @@ from tdint.response.static.cyclic import read_drift_path
 from tdint.studies.campaign.assigned_motions import GridFile
 from tdint.studies.campaign.inputs import read_factors
 from tdint.studies.fragility.fit_table import fragility
+from tdint.studies.fragility.type_states import DamageRequest, read_class_damage
 from tdint.studies.regions.inventory import read_inventory
 from tdint.studies.regions.sites import read_grid
 
@@ -225,6 +227,37 @@ def test_cells_of_table(tmp_path):
         table.truths("c")
     with pytest.raises(ModelError, match=r"t\.csv: column b .*same .*got 2, -3e1, 4; keep"):
         table.only("b")
+
+
+@pytest.mark.parametrize(
+    ("read", "header", "rows"),
+    [
+        (lambda source: read_target(source).psa.tolist(), "period_s,sa_g", "0.5,0.2\n1,0.1\n"),
+        (read_drift_path, "drift_m,name", "0.1,a\n-0.2,b\n"),
+        (read_factors, "record,component,factor", "a.txt,N,1.5\nb.txt,,2\n"),
+        (
+            lambda source: (
+                read_class_damage(
+                    DamageRequest("drift_ratio", ("slight",), None, source, 0.4, (), None)
+                )
+                .states["C1"]
+                .medians
+            ),
+            "class,slight",
+            "C1,0.5\n",
+        ),
+    ],
+)
+def test_separators_of_cells(tmp_path, read, header, rows):
+    """Tabs and semicolons separate the cells of every table, with decimal points or commas. Some
+    readers refused the files that others accepted."""
+    file, found = tmp_path / "t.csv", []
+    for mark, point in ((",", "."), ("\t", "."), (";", "."), ("\t", ","), (";", ",")):
+        cells = (header + "\n" + rows).replace(",", mark)
+        # The point in the name of a file is not a decimal point.
+        file.write_text("\n" + re.sub(r"(?<=\d)\.(?=\d)", point, cells))
+        found.append(read(str(file)))
+    assert found == found[:1] * 5
 
 
 def test_table_is_read_from_standard_input(monkeypatch):

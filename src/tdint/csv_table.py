@@ -29,6 +29,10 @@ _LAST_ROW = "end"
 rows do not contain this row.
 """
 
+_SEPARATORS = "\t;,"
+"""Separators of the cells of a table that is read completely. Tabs and semicolons are searched in
+the header first, because a comma may then be the decimal point."""
+
 _PROTECTED_TEXT = re.compile(r"'[=+@-]")
 """Start of a text that tdint protected from interpretation as a formula by a spreadsheet program:
 an apostrophe before the text.
@@ -161,11 +165,16 @@ class CsvTable:
         expected = "a positive number" if positive else "a number"
         numbers = []
         for line, text in self.lines(name, empty=empty):
-            value = number(text.replace(",", ".") if self.has_decimal_commas else text)
+            value = self.number(text)
             if text and (math.isnan(value) or (positive and value <= 0.0)):
                 raise self.error(f"{self.source}:{line}: {name} {number_error(text, expected)}")
             numbers.append(value)
         return numbers
+
+    def number(self, text: str) -> float:
+        """Return the number in a cell, nan for another text. The decimal point may be a comma if
+        commas do not separate the cells."""
+        return number(text.replace(",", ".") if self.has_decimal_commas else text)
 
     def truths(self, name: str) -> list[bool]:
         """Return the cells of a column as bool; empty cells and a missing column are False.
@@ -378,15 +387,14 @@ def read_table(
     columns: Collection[str] | None = None,
     comment: str = "",
     error: type[TdintError] = ModelError,
-    separators: str = ",",
 ) -> CsvTable:
     """Read a CSV file (`-` is standard input) with a header.
 
     `needs` describes a valid file, for messages: `a target spectrum is a CSV file with the columns
     ...`. The names of the columns that will be read must be unique, by default all. `comment`
     contains the first characters of comment lines above the header, as in files of OpenQuake; empty
-    if such lines are not allowed. The cells are separated by the first of `separators` in the first
-    line, by default commas.
+    if such lines are not allowed. The cells are separated by tabs, semicolons or commas
+    (`_SEPARATORS`).
 
     Raises
     ------
@@ -400,7 +408,6 @@ def read_table(
         columns=columns,
         comment=comment,
         error=error,
-        separators=separators,
         read_first=True,
     )
     return replace(table, rows=tuple(rows))
@@ -413,7 +420,6 @@ def stream_table(
     columns: Collection[str] | None = None,
     comment: str = "",
     error: type[TdintError] = ModelError,
-    separators: str = ",",
     read_first: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
     """Open a CSV file with a header as by `read_table`, and read each row on demand without storing
@@ -432,8 +438,12 @@ def stream_table(
     mark, digest = ",", ""
     if read_first or source == STDIN or not is_file(source):
         data = _read_bytes(source, needs, error)
-        first_line = data.partition(b"\n")[0].decode("utf-8", "replace")
-        mark = next((mark for mark in separators if mark in first_line), ",")
+        lines = (line.decode("utf-8", "replace") for line in io.BytesIO(data))
+        header_text = next(
+            (t for t in lines if t.strip() and not (comment and t.startswith(comment))), ""
+        )
+        if read_first:
+            mark = next((mark for mark in _SEPARATORS if mark in header_text), ",")
         digest = sha256(data).hexdigest()
         rows = _stream_rows(source, io.BytesIO(data), error, mark)
     else:

@@ -17,10 +17,6 @@ from tdint.ground_motion.record import Input
 from tdint.ground_motion.signal import Signal
 from tdint.units import parse_units
 
-SEPARATORS = "\t;,"
-"""Separators of the cells of a table. Tabs and semicolons are searched first, because a comma may
-then be the decimal point."""
-
 _TIMES = ("t", "time", "times")
 _NEEDS = "a recording is a CSV file with times in the first column and units in the column names"
 
@@ -49,9 +45,7 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         The file cannot be read, its times are not in equal steps, the column does not exist, a cell
         is not a finite number, or the units of the column are unknown.
     """
-    table = read_table(
-        str(source), _NEEDS, columns=(column,), error=RecordError, separators=SEPARATORS
-    )
+    table = read_table(str(source), _NEEDS, columns=(column,), error=RecordError)
     title = table.titles[0].strip("\"'")
     time, time_units = name_and_units(title)
     if time not in _TIMES or time_units not in SECONDS:

@@ -26,7 +26,6 @@ from tdint.csv_table import CsvTable, read_table
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.files import read_whole, record_digest
 from tdint.ground_motion.formats.table_columns import SECONDS, name_and_units
-from tdint.ground_motion.reading.named_table import SEPARATORS
 from tdint.ground_motion.record import Input, Record
 from tdint.number_parsing import parse_named, parse_positive, parse_ratio, pluralize
 from tdint.response.spectra.elastic import Spectrum
@@ -704,7 +703,7 @@ def read_published(
         The file contains several columns of values, and `column` is None.
     """
     needs = "a published spectrum is a CSV file with periods, values and their units"
-    table = read_table(str(source), needs, error=RecordError, separators=SEPARATORS)
+    table = read_table(str(source), needs, error=RecordError)
     if len(table.rows) < _MIN_ROWS:
         raise RecordError(
             f"{source}: the table must have at least {_MIN_ROWS} rows, got {len(table.rows)}"

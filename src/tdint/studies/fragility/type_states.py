@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import NamedTuple
 
-from tdint.csv_table import CsvTable, number, number_error, read_table
+from tdint.csv_table import CsvTable, number_error, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.building_rules import CAPACITY as CAPACITY_RULES
 from tdint.model.building_rules import RULES
@@ -299,7 +299,7 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
             continue
         values = {}
         for key, (line, text) in texts.items():
-            values[key] = number(text)
+            values[key] = table.number(text)
             if math.isnan(values[key]) or values[key] < 0.0:
                 problem = number_error(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {problem}")
