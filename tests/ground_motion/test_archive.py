@@ -68,6 +68,23 @@ def test_single_member_is_selected_by_component(path):
     refused(path, "component 'X' not found", component="X")
 
 
+def test_members_without_different_codes_are_selected_by_the_names_in_the_message(tmp_path):
+    """The message listed names that could not be selected, also one name for several columns."""
+    step = "".join(f"{i * 0.02:.2f},{i},-{i}\n" for i in range(50))
+    members = {
+        f"r{scale}.csv": f"time_s,N_{unit},E_{unit}\n{step}"
+        for scale, unit in ((1, "gal"), (2, "g"))
+    }
+    path = tmp_path / "a.zip"
+    path.write_bytes(packed(members))
+    with pytest.raises(RecordError, match="choose one by `component`: ") as error:
+        read_record(path)
+    names = str(error.value).partition("`component`: ")[2].split(", ")
+    chosen = [read_record(path, component=name) for name in names]
+    assert [record.digest for record in chosen] == [record.digest for record in read_records(path)]
+    assert len({record.name for record in chosen}) == 4
+
+
 def test_archive_without_records_is_refused(tmp_path):
     (tmp_path / "a.zip").write_bytes(packed({"a.txt": "words\n"}))
     refused(tmp_path / "a.zip", r"contains no record of a supported format; it contains a\.txt")

@@ -361,7 +361,7 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
         for text in record.warnings:
             first_words = " ".join(text.split()[:3])
             _, names = types.setdefault(first_words, (text, {}))
-            names[f"{record.source} {record.component}".rstrip()] = None
+            names[record.name] = None
     return [f"{abbreviate(list(names), 3)}: {text}" for text, names in types.values()]
 
 
@@ -372,12 +372,14 @@ def notes_of_components(
 
     A note that applies to all components is included only one time, without a component.
     """
+    from tdint.ground_motion.record import component_names
+
     notes: dict[str, None] = {}  # an ordered set
-    for record in records:
+    for record, component in zip(records, component_names(records), strict=True):
         for note in notes_of(record):
             is_common = all(note in notes_of(other) for other in records)
             name = record.source
             if not is_common:
-                name += f": {record.component or record.id}"
+                name += f": {component or record.id}"
             notes[f"{name}: {note}"] = None
     return tuple(notes)

@@ -85,6 +85,11 @@ class Horizontals:
         first, second = (*component_names([self.first]), *component_names([self.second]))
         return f"{first or '?'}+{second or '?'}"
 
+    @property
+    def name(self) -> str:
+        """File names and component names separated by a space."""
+        return f"{self.source} {self.component}"
+
 
 def find_horizontals(records: Sequence[Record]) -> Horizontals:
     """Select and validate the two horizontal components of a single ground motion.

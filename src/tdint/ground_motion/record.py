@@ -287,13 +287,14 @@ def component_names(records: Sequence[Record]) -> list[str]:
     """Return a name for each record that distinguishes it from the other channels of its file, also
     from those that were not read or not selected.
 
-    The name is the component. If several channels of a file have the same component, the name is
-    the id NET.STA.LOC.CHA, or only the station code for motions exported by tdint, where the
-    station is the floor (F04), unless a station has several channels.
+    The name is the component. If several channels of a file have the same component, or the file
+    has several stations, the name is the id NET.STA.LOC.CHA, or only the station code for motions
+    exported by tdint, where the station is the floor (F04), unless a station has several channels.
     """
     channels = {(record.source, record.id, record.component) for record in records}
     channel_count = Counter((source, component) for source, _, component in channels)
     station_count = Counter((source, station_of(id)) for source, id, _ in channels)
+    stations_of_source = Counter(source for source, _ in station_count)
     names = []
     for record in records:
         # The slice is empty for an id without a location code.
@@ -301,7 +302,11 @@ def component_names(records: Sequence[Record]) -> list[str]:
         station = station_of(record.id)
         is_floor = location == [SI_LOCATION] and station_count[record.source, station] == 1
         unique_name = station if is_floor else record.id
-        is_shared = channel_count[record.source, record.component] > 1 or record.is_one_of_several
+        is_shared = (
+            channel_count[record.source, record.component] > 1
+            or stations_of_source[record.source] > 1
+            or record.is_one_of_several
+        )
         names.append(unique_name if is_shared else record.component)
     return names
 

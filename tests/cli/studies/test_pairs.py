@@ -97,14 +97,15 @@ def test_a_missing_component_is_reported(folder, tdint):
     )
 
 
+@pytest.mark.parametrize("codes", [("HNN", "HNE"), ("HN1", "HN2")])
 @pytest.mark.parametrize("command", ["ida", "run"])
-def test_stations_in_one_file_are_recordings_of_their_own(folder, tdint, command):
-    """Results are those of a file for each station."""
+def test_stations_in_one_file_are_recordings_of_their_own(folder, tdint, command, codes):
+    """Results are those of a file for each station, also if their stations have other codes."""
     (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
     stations = {
         station: [
             trace(wave(400, peak=peak) * np.hanning(400), channel=code, station=station)
-            for code, peak in zip(("HNN", "HNE"), peaks, strict=True)
+            for code, peak in zip(codes if station == "S2" else ("HNN", "HNE"), peaks, strict=True)
         ]
         for station, peaks in {"S1": (2.0, 1.5), "S2": (1.2, 1.8)}.items()
     }

@@ -165,6 +165,19 @@ def test_vertical_components_are_omitted_unless_requested(tmp_path):
         f"{files[0]}: vertical component omitted: HNZ",
         f"{files[1]}: not used: vertical component",
     ]
+    # Channels of several stations with the same code are named by their ids.
+    traces = [
+        Trace(samples, {"station": station, "channel": channel, "delta": 0.01})
+        for station in ("S1", "S2")
+        for channel in ("HNE", "HNZ")
+    ]
+    Stream(traces).write(str(tmp_path / "two.mseed"), format="MSEED")
+    suite = read_components([str(tmp_path / "two.mseed")], RecordChoice(units="m/s^2"))
+    assert "vertical component omitted: .S1..HNZ, .S2..HNZ" in suite.notes[0]
+    scaling = scale(suite.records, "pga", 2.0)
+    assert [name for name, _ in scaling.beyond(0.0, 1.0)] == [
+        f"{tmp_path / 'two.mseed'} .{station}..HNE" for station in ("S1", "S2")
+    ]
     named = read_components(files[1:2], RecordChoice(component="HNZ", units="m/s^2"))
     assert [record.component for record in named.records] == ["HNZ"]
 

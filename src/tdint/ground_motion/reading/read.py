@@ -10,6 +10,7 @@ from functools import partial
 from itertools import pairwise
 from logging import getLogger
 from math import isclose, isfinite
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -77,7 +78,7 @@ class _Channel(NamedTuple):
     id : str
         Common id of the traces, NET.STA.LOC.CHA.
     is_one_of_several : bool
-        Other channels of the file have the same code.
+        The file has other channels with the same code, or other stations.
     """
 
     source: str
@@ -528,8 +529,12 @@ def _select_components(
     ]
     components = _without_exported_integrals(components, (component or "").strip().upper())
     counts = Counter((channel.source, channel.code) for channel in components)
+    stations = Counter(source for source, _ in {(c.source, station_of(c.id)) for c in components})
     components = [
-        channel._replace(is_one_of_several=counts[channel.source, channel.code] > 1)
+        channel._replace(
+            is_one_of_several=counts[channel.source, channel.code] > 1
+            or stations[channel.source] > 1
+        )
         for channel in components
     ]
     if component is not None:
@@ -575,8 +580,8 @@ def _without_exported_integrals(channels: Sequence[_Channel], requested_id: str)
 def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
     """Return the only channel that a name selects; RecordError if there is none or several.
 
-    The name is compared with the channel codes, then with the ids, then with the stations (for
-    example floor F04). If it is a single letter, it is then compared with the last characters of
+    The name is compared with the channel codes, then with the ids, the stations (for example floor
+    F04) and the labels. If it is a single letter, it is then compared with the last characters of
     the codes. The first comparison with a match decides.
     """
     name = component.strip().upper()
@@ -584,6 +589,7 @@ def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -
         [channel for channel in channels if channel.code.upper() == name],
         [channel for channel in channels if channel.id.upper() == name],
         [channel for channel in channels if station_of(channel.id).upper() == name],
+        [channel for channel in channels if channel.label.upper() == name],
         [channel for channel in channels if len(name) == 1 and channel.code.upper().endswith(name)],
     )
     matches = next(filter(None, candidates), [])
@@ -602,18 +608,13 @@ def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -
 
 def _unambiguous_names(channels: Sequence[_Channel], others: Sequence[_Channel] = ()) -> str:
     """Return names that distinguish the channels, also from others of the file, for messages: their
-    codes if these are unique, otherwise their stations, otherwise their ids."""
-    names_of_all = (
-        [channel.code for channel in others or channels],
-        [station_of(channel.id) for channel in others or channels],
-    )
-    is_unique = [len(set(names)) == len(names) and all(names) for names in names_of_all]
-    if is_unique[0]:
-        return ", ".join(channel.code for channel in channels)
-    if is_unique[1]:
-        return ", ".join(station_of(channel.id) for channel in channels)
-    # Files of an archive may have no ids.
-    return ", ".join(c.id if c.id.strip(".") else c.source for c in channels)
+    codes if these are unique, otherwise their stations, ids, or labels (with the file of an
+    archive)."""
+    for name_of in (attrgetter("code"), lambda channel: station_of(channel.id), attrgetter("id")):
+        names = [name_of(channel) for channel in others or channels]
+        if len(set(names)) == len(names) and all(name.strip(".") for name in names):
+            return ", ".join(map(name_of, channels))
+    return ", ".join(channel.label for channel in channels)
 
 
 def _to_record(

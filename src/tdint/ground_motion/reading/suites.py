@@ -281,12 +281,13 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
         if choice.of(file).component is not None:
             records += components
             continue
-        vertical = [record.component for record in components if is_vertical(record.component)]
+        vertical = [record for record in components if is_vertical(record.component)]
         if len(vertical) == len(components):
             vertical_files.append(file)
         elif vertical:
-            notes.append(f"{file}: vertical component omitted: {', '.join(vertical)}")
-        records += [record for record in components if record.component not in vertical]
+            listed = ", ".join(component_names(vertical))
+            notes.append(f"{file}: vertical component omitted: {listed}")
+        records += [record for record in components if not is_vertical(record.component)]
     accompanying = _verticals_by_name(records)
     vertical_files += accompanying
     records = [record for record in records if record.source not in accompanying]

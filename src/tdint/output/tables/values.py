@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.arrays import each_array
+from tdint.ground_motion.record import component_names
 from tdint.output.tables import histories, runs
 from tdint.output.tables.table import Column
 from tdint.response.runs.history import History
@@ -34,7 +35,7 @@ def runs_columns(result: Runs) -> Values:
     # `model` and `record` contain the index of the building and of the record of each run.
     buildings = np.array([model.name for model in result.models])[result.model]
     sources = np.array([record.source for record in result.records])[result.record]
-    components = np.array([record.component for record in result.records])[result.record]
+    components = np.array(component_names(result.records))[result.record]
     methods_of_runs = np.array(result.methods)[result.model]
     return [
         (RUNS_COLUMNS["building"], buildings),

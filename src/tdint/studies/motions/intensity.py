@@ -303,6 +303,7 @@ def positive(value: float, name: str, motion: GroundMotion) -> float:
     """Return the intensity `value` of a motion; raise RecordError if it is not positive, because
     the motion is zero and cannot be scaled."""
     if not (math.isfinite(value) and value > 0.0):
-        label = f"{motion.source} {motion.component}".strip() or "record"
-        raise RecordError(f"{label}: {name} is {value:g}; the motion cannot be scaled")
+        raise RecordError(
+            f"{motion.name or 'record'}: {name} is {value:g}; the motion cannot be scaled"
+        )
     return value

@@ -152,7 +152,7 @@ class Scaling(Tabular):
             File and component of each motion outside the range, and its factor.
         """
         return [
-            (f"{components(motion)[0].source} {motion.component}".rstrip(), float(factor))
+            (motion.name, float(factor))
             for motion, factor in zip(self.motions, self.factors, strict=True)
             if not low <= abs(factor) <= high
         ]
