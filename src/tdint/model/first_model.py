@@ -168,7 +168,7 @@ def story_model(
         ]
     else:
         title_end = " with the curves of its stories"
-        comment_lines = ["# law that was fitted to its curve."]
+        comment_lines = ["# parameters that were fitted to the curve of the story."]
     # Without a record, the building vibrates freely from a drift ratio of 0.5 % in each story.
     displacements = [0.005 * units.height * story for story in range(1, stories + 1)]
     if isolated:
@@ -404,6 +404,9 @@ _MIN_POINTS = 4
 _START_DRIFTS = (0.15, 0.3, 0.5, 0.7, 0.85)
 """Relative drifts from which the search for the corners of a law starts."""
 
+_LINE_POINTS = 51
+"""Number of points with equal distances on the line through the points of a curve."""
+
 _MIN_DISTANCE = 1e-3
 """Minimum difference of the relative drifts of successive points of a backbone curve."""
 
@@ -512,10 +515,20 @@ def fit_story(story: int, drift: Array, shear: Array, law_type: str) -> CurveFit
     # Relative values make the search independent of the units. It starts from several drifts,
     # because the sum of squares has several minima.
     relative_drift, relative_shear = drift / max_drift, shear / max_shear
+    # Between distant points, the curve is a straight line: without points on it, a corner of the
+    # law between two points of the curve could have any force.
+    line = np.linspace(0.0, 1.0, _LINE_POINTS)[:-1]
+    ends = np.searchsorted(relative_drift, line, side="right")
+    is_distant = np.diff(relative_drift, prepend=0.0)[ends] > 1.5 / _LINE_POINTS
+    added = np.setdiff1d(line[is_distant], relative_drift)
+    added_shear = np.interp(added, np.append(0.0, relative_drift), np.append(0.0, relative_shear))
+    places = np.searchsorted(relative_drift, added)
+    relative_drift = np.insert(relative_drift, places, added)
+    relative_shear = np.insert(relative_shear, places, added_shear)
     fits = [fit(relative_drift, relative_shear, start) for start in _START_DRIFTS]
     numbers, sum_of_squares = min(fits, key=lambda fitted: fitted[1])
     law = make_law(numbers, max_drift, max_shear)
-    return CurveFit(story, law, float(np.sqrt(sum_of_squares / drift.size)))
+    return CurveFit(story, law, float(np.sqrt(sum_of_squares / relative_drift.size)))
 
 
 FittedNumbers = tuple[Array, float]
