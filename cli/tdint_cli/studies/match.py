@@ -192,7 +192,7 @@ def command(request: MatchRequest) -> None:
     )
     _report(request, matches, targets)
     above_max_misfit = [
-        f"{matched.seed.source} {matched.seed.component}"
+        matched.seed.name
         for matched in matches
         if any(spectrum.largest_misfit > request.max_misfit for spectrum in matched.by_damping)
     ]
@@ -302,7 +302,7 @@ def _warnings(matched: Match, max_misfit: float) -> list[str]:
     large change, a large ground displacement or a doubtful baseline."""
     from tdint.ground_motion.measures import baseline_notes
 
-    subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
+    subject = matched.seed.name
     warnings = [
         f"{subject}: the largest misfit after matching is {100.0 * spectrum.largest_misfit:.2g} % "
         f"({100.0 * spectrum.damping:g} % damping), more than --max-misfit "
@@ -318,7 +318,7 @@ def _warnings(matched: Match, max_misfit: float) -> list[str]:
     # The components of a pair are compared separately.
     target_pga = matched.target.zero
     for component in matched.parts:
-        subject = f"{component.seed.source} {component.seed.component}".rstrip()
+        subject = component.seed.name
         matched_measures, seed_measures = component.measures
         if target_pga and matched_measures.pga > _MAX_PGA_RATIO * target_pga:
             warnings.append(
@@ -332,7 +332,6 @@ def _warnings(matched: Match, max_misfit: float) -> list[str]:
                 f"{matched_measures.pgd / seed_measures.pgd:.2g} times its initial value"
             )
         warnings += [
-            f"{component.after.source} {component.after.component}, matched: {text}"
-            for text in baseline_notes(component.after)
+            f"{component.after.name}, matched: {text}" for text in baseline_notes(component.after)
         ]
     return warnings

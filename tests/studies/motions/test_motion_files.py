@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tdint
 from selection import every
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals, PairNames, motion_names
@@ -290,3 +291,29 @@ def test_stations_and_channels_in_mseed_are_ascii(tmp_path):
     records = [read_records(tmp_path / name)[0] for name in names]
     assert [station(record) for record in records] == ["Duzce", "Duzc2", ""]
     assert [note.split(": ")[1].split()[0] for note in notes] == ["Düzce", "Duzce", "東京"]
+
+
+def test_names_of_several_stations_of_a_file_keep_pairs():
+    """Single components of two stations are written with the station in the names of their files;
+    with numbers in place of stations, they were no pairs."""
+    motions = [
+        Record(
+            np.sin(np.arange(400.0) ** 1.2) * np.hanning(400),
+            0.01,
+            "",
+            f"NZ.{station}..{code}",
+            code,
+            "a.mseed",
+        )
+        for station, code in (("S1", "HNE"), ("S1", "HNN"), ("S2", "HN1"), ("S2", "HN2"))
+    ]
+    motions = [replace(motion, is_one_of_several=True) for motion in motions]
+    assert motion_file_names(motions, "at2") == [
+        "a-NZ-S1-HNE.at2",
+        "a-NZ-S1-HNN.at2",
+        "a-NZ-S2-HN1.at2",
+        "a-NZ-S2-HN2.at2",
+    ]
+    assert len(set(motion_names(motion_file_names(motions, "at2")))) == 2
+    matched = tdint.match(motions[0], TARGET, periods=(0.1, 0.3))
+    assert repr(matched).startswith("<Match of a.mseed NZ.S1..HNE: ")

@@ -232,10 +232,7 @@ class RecordInfo(Tabular):
     def _headline(self) -> str:
         """Return source, component, duration and PGA of the record, for the text of a notebook."""
         record = self.record
-        return (
-            f"of {record.source} {record.component}: {record.duration:.4g} s, PGA {record.pga:.4g} "
-            "m/s^2"
-        )
+        return f"of {record.name}: {record.duration:.4g} s, PGA {record.pga:.4g} m/s^2"
 
 
 _HOUSNER = 481

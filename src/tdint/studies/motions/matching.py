@@ -238,7 +238,7 @@ class Match(Tabular):
             for spectrum in self.by_damping
         ]
         text = (
-            f"of {self.seed.source} {self.seed.component}: {'; '.join(misfits)}, change "
+            f"of {self.seed.name}: {'; '.join(misfits)}, change "
             f"{change_text(self.change)} of the scaled seed (root mean square)"
         )
         if self.directions:

@@ -714,7 +714,7 @@ def check_peaks(problem: MatchingProblem, seed: GroundMotion, samples: Array) ->
     growing_count = int(np.sum(maxima[1] < 0.0))
     if growing_count > MAX_GROWING_FRACTION * problem.omega.size:
         raise RecordError(
-            f"{seed.source} {seed.component}: cannot be matched: at {growing_count} of "
+            f"{seed.name}: cannot be matched: at {growing_count} of "
             f"{problem.omega.size} periods the response has no peak before the end of the record, "
             "as under a ramp or an offset; remove the trend (--baseline linear), or use another "
             "record"

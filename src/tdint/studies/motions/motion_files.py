@@ -19,7 +19,7 @@ from tdint.ground_motion.formats.table_columns import ORIGIN
 from tdint.ground_motion.horizontals import at_right_angles, azimuth, motion_names
 from tdint.ground_motion.origin import MotionOrigin, header_statement
 from tdint.ground_motion.reading.suites import GroundMotion, components
-from tdint.ground_motion.record import SI_LOCATION, Record, to_mseed
+from tdint.ground_motion.record import SI_LOCATION, Record, component_names, to_mseed
 from tdint.output.tables.spectra import ground_table
 
 FORMATS = ("mseed", "at2", "csv")
@@ -118,7 +118,7 @@ def _names_of_components(records: Sequence[Record], file_format: str) -> list[st
     `file_format` is the suffix of the names, without a dot.
     """
     stems = [Path(record.source).stem.strip(" -") or "motion" for record in records]
-    suffixes = [_component_suffix(record.component) for record in records]
+    suffixes = [_component_suffix(name) for name in component_names(records)]
     with_suffixes = [
         f"{stem}-{suffix}".rstrip("-") for stem, suffix in zip(stems, suffixes, strict=True)
     ]
