@@ -486,6 +486,10 @@ _MAX_WORD = 24
 """Number of characters of a word, such as a path, above which it may be divided: 40 mm."""
 
 
+_MOST_KEYS = 4
+"""Maximum number of columns that each part of a divided table repeats."""
+
+
 class _Column(NamedTuple):
     """Column of a table on a page.
 
@@ -517,7 +521,7 @@ def _add_table(flow: _Flow, table: Table) -> None:
     """Add a table to the flow of a report, with units in its heading and drift ratios in percent.
 
     Empty columns and the zero forces of absent dampers are omitted. A table that is wider than the
-    page is continued below, again with its first column.
+    page is continued below, again with its first columns.
     """
     # All drifts and displacements of a table have the same unit, m or mm, so that their columns can
     # be compared. The unit follows from their common maximum.
@@ -529,17 +533,24 @@ def _add_table(flow: _Flow, table: Table) -> None:
         is_absent_damper = "damper_force" in name and maximum == 0.0
         if any(column.cells) and not is_absent_damper:
             columns.append(column)
-    # Each part of a divided table repeats the first column, which identifies the row. The parts
+    # Each part of a divided table repeats the first columns that identify the row. The parts
     # have about equal numbers of columns. Their number is even, so that a mean is not separated
     # from the maximum that follows it.
-    first, *others = columns
+    keys = next((n for n in range(1, _MOST_KEYS + 1) if _are_distinct(columns[:n])), 1)
+    first, others = columns[:keys], columns[keys:]
     if len(columns) > MOST_COLUMNS:
-        parts = -(-len(others) // (MOST_COLUMNS - 1))
+        parts = -(-len(others) // (MOST_COLUMNS - keys))
         part_size = 2 * math.ceil(len(others) / parts / 2)
     else:
         part_size = max(len(others), 1)
     for start in range(0, max(len(others), 1), part_size):
-        _add_columns(flow, [first, *others[start : start + part_size]])
+        _add_columns(flow, [*first, *others[start : start + part_size]])
+
+
+def _are_distinct(columns: Sequence[_Column]) -> bool:
+    """Return True if no two rows have the same cells in the columns."""
+    rows = [*zip(*(column.cells for column in columns), strict=True)]
+    return len(set(rows)) == len(rows)
 
 
 def _column(table: Table, name: str, maximum: float) -> _Column:

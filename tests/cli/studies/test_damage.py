@@ -10,6 +10,7 @@ from scipy.special import ndtr
 
 import tdint as package
 from cli.conftest import STUDY, Command, change, copy_of, made_once, write_folder, write_record
+from cli.test_report import page, table_with
 from csv_rows import rows
 from selection import every
 from tdint.model.capacity import CapacityCurve, CapacityFacts, derive_capacity
@@ -599,7 +600,12 @@ def test_losses_of_an_exposure_model(region: Path, tdint: Command) -> None:
         "inventory: buildings.csv", "inventory: exposure.xml, mapping: types.csv"
     )
     Path("exposure.yaml").write_text(study + BY_CURVES.replace("}", f", {losses}}}"))
-    tdint("campaign", "exposure.yaml", "-o", "exposed", code=0)
+    tdint("campaign", "exposure.yaml", "-o", "exposed", "--report", "page.html", code=0)
+    # The parts of the divided table identify each row by the same cells.
+    shown, keys = page("page.html"), ("type", "building", "level")
+    for name in ("loss ratio", "value"):
+        for part, row in zip(table_with(shown, name), rows("exposed/losses.csv"), strict=True):
+            assert [part[key] for key in keys] == [row[key] for key in keys]
     found, expected = rows("exposed/damage.csv"), rows("out/damage.csv")
     assert [probabilities(row) for row in found] == [probabilities(row) for row in expected]
     values = {

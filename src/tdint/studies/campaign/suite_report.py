@@ -317,10 +317,12 @@ def _damage(store: Store) -> tuple[Part, ...]:
     """Return the tables of damage and loss by building type; empty without damage states."""
     if not store.damage():
         return ()
-    # The rule for pairs is one of the assumptions, so its column is omitted.
+    # The rule for pairs is one of the assumptions, so its column is omitted. The event is part of
+    # the key of a row.
     columns, rows = loss_table(store)
     losses = Table.of(columns, rows if has_losses(store) else ())
-    losses = losses.chosen([name for name in losses.columns if name != "pair_demand"])
+    names = [name for name in losses.columns if name != "pair_demand"]
+    losses = losses.chosen(sorted(names, key=lambda name: name != "event"))
     losses = losses._replace(rows=losses.rows[:_MAX_DAMAGE_ROWS])
     states = _with_state_columns(Table.of(*type_table(store)))
     states = states._replace(rows=states.rows[:_MAX_DAMAGE_ROWS])
