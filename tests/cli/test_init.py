@@ -47,8 +47,12 @@ def test_an_isolated_model_has_bearings_and_a_moat_wall(
     folder: Path, tdint: Command, units: str
 ) -> None:
     """The bearings have the published rules of thumb: a period of 2.5 s of the rigid building after
-    yield, and a force of 5 % of the weight at zero displacement."""
-    tdint("init", "i.yaml", "--stories", 3, "--isolated", "--units", units, code=0)
+    yield, and a force of 5 % of the weight at zero displacement. Also a low building has no unusual
+    damping."""
+    for stories in (1, 3):
+        call = ("init", "i.yaml", "--stories", stories, "--isolated", "--units", units)
+        tdint(*call, "--overwrite", code=0)
+        assert "Warning" not in tdint("check", "i.yaml", code=0).stderr
     model = load_model("i.yaml")
     base, *stories = model.stories
     assert base.isolator and len(stories) == 3
@@ -60,6 +64,7 @@ def test_an_isolated_model_has_bearings_and_a_moat_wall(
     stiffness = hardening * bearings.stiffness
     assert 2.0 * np.pi * np.sqrt(mass / stiffness) == pytest.approx(2.5, rel=1e-5)
     assert (1.0 - hardening) * yield_force == pytest.approx(0.05 * 9.80665 * mass, rel=1e-5)
+    assert base.dashpot == pytest.approx(0.1 * np.sqrt(stiffness * mass), rel=1e-5)
     tdint("init", "fixed.yaml", "--stories", 3, "--units", units, code=0)
     assert tuple(stories) == load_model("fixed.yaml").stories
     tdint("run", "i.yaml", "-o", "out", code=0)

@@ -32,6 +32,9 @@ _ISOLATION_PERIOD, _BEARING_HARDENING, _BEARING_STRENGTH = 2.5, 0.1, 0.05
 """Typical lead-rubber bearings: period of the building as a rigid body on the bearings after yield,
 s; stiffness after yield over the initial stiffness; force at zero displacement over the weight."""
 
+_BEARING_DAMPING = 0.05
+"""Viscous damping ratio of the building as a rigid body at this period."""
+
 _ABSORBER_MASS = 0.05
 """Mass of a tuned mass damper over the modal mass of the first mode; typical values are 0.01 to
 0.1."""
@@ -223,14 +226,16 @@ def _isolation_lines(units: _UnitSystem, loads: Sequence[float]) -> list[str]:
     total = loads[0] + math.fsum(loads)
     mass = total * _mass_factor(units)
     weight = mass * STANDARD_GRAVITY / FORCE[units.force]
-    after_yield = mass * (2.0 * math.pi / _ISOLATION_PERIOD) ** 2
-    stiffness = after_yield / _BEARING_HARDENING * LENGTH[units.length] / FORCE[units.force]
+    omega, unit = 2.0 * math.pi / _ISOLATION_PERIOD, LENGTH[units.length] / FORCE[units.force]
+    stiffness = mass * omega**2 / _BEARING_HARDENING * unit
+    dashpot = 2.0 * _BEARING_DAMPING * mass * omega * unit
     yield_force = _BEARING_STRENGTH * weight / (1.0 - _BEARING_HARDENING)
     return [
         "  # Bearings and a moat wall: two springs in one story (`elements`). After yield of the",
         f"  # bearings, the period of the rigid building is {_ISOLATION_PERIOD:g} s. At zero",
         f"  # displacement, their force is {100.0 * _BEARING_STRENGTH:g} % of the weight. The wall",
-        "  # is ten times as stiff as they are after yield.",
+        "  # is ten times as stiff as they are after yield. The dashpot is viscous damping of",
+        f"  # {100.0 * _BEARING_DAMPING:g} % at this period; Rayleigh damping omits isolators.",
         f"  - {units.load_key}: {loads[0]:g}",
         "    isolator: true  # its displacement is reported instead of a drift ratio",
         "    elements:",
@@ -238,6 +243,7 @@ def _isolation_lines(units: _UnitSystem, loads: Sequence[float]) -> list[str]:
         f"yield_force: {yield_force:.6g}, hardening: {_BEARING_HARDENING:g}}}",
         f"      - {{name: moat wall, type: gap, gap: {_MOAT / LENGTH[units.length]:.3g}, "
         f"stop_stiffness: {stiffness:.6g}}}",
+        f"    dashpot: {dashpot:.6g}",
     ]
 
 
