@@ -134,3 +134,10 @@ def test_invalid_rest_is_refused(rest):
         run_sequence(case(), [MAIN, AFTER], rest=rest)
     with pytest.raises(UsageError, match="at least one record"):
         run_sequence(case(), [])
+
+
+def test_a_record_without_a_component_adds_no_name_to_the_sequence():
+    """The component of the table was `HNE + `."""
+    named = Record(np.ones(5), 0.01, "", "", "HNE", "a.mseed")
+    joined = join_records([named, replace(named, component="", source="b.txt")], [0, 10])
+    assert (joined.component, joined.source) == ("HNE", "a.mseed + b.txt")

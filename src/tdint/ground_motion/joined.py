@@ -107,7 +107,7 @@ def join_records(records: Sequence[Record], starts: Sequence[int]) -> Record:
     return replace(
         records[0],
         acceleration=samples,
-        component=" + ".join(dict.fromkeys(record.component for record in records)),
+        component=" + ".join(filter(None, dict.fromkeys(r.component for r in records))),
         source=" + ".join(record.source for record in records),
         header_checks=tuple(text for record in records for text in record.header_checks),
         peaks=(None, None),
