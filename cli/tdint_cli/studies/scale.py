@@ -309,8 +309,8 @@ def command(request: ScaleRequest) -> None:
 
 
 def _scaled(request: ScaleRequest) -> tuple[Suite, Scaling]:
-    """Read the ground motions of the command line, and scale them by the requested rule, or select
-    and scale some of them.
+    """Read the ground motions of the command line, and scale them by the requested rule, or scale
+    a selection.
 
     The target and other tables are read before the records, so that their errors are reported
     immediately. UsageError is raised if the target cannot be read, or does not cover the periods;

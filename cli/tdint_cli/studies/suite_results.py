@@ -65,7 +65,7 @@ class SuiteResults:
 
     @cached_property
     def by(self) -> str | None:
-        """Column of the inventory by which losses are grouped: of the command line, or of the last
+        """Column of the inventory that groups the losses: of the command line, or of the last
         call with the option --by."""
         if self.request.by is not None and self.store.damage():
             check_column(self.store, self.request.by)

@@ -54,8 +54,8 @@ class Change(NamedTuple):
         Declaration of the parameter with its bounds.
     follows : tuple of tuple
         Not empty if the number is not named by the parameter, but follows it by default: the model
-        does not state a separate value (for the negative side of a law). The paths are those of
-        this number and of numbers between both; it does not follow if one of them has been set.
+        does not state a separate value (for the negative side of a law). The paths lead
+        to this number and to numbers between both; it does not follow if one of these is set.
     scale : float
         Number of the story divided by the value, which is a number along an inclined element.
     """
@@ -162,7 +162,7 @@ def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
             for prefix in prefixes:
                 changes[f"{prefix}.{name}"] = [change]
             # A number with another number as its default changes as well, if it is equal. This
-            # number can have a default of its own.
+            # number can also be the default of another number.
             follows: tuple[Path, ...] = (path,)
             while source in values and values[source] == values[name]:
                 for prefix in prefixes:

@@ -185,7 +185,7 @@ def story_with_numbers(story: Story, numbers: Mapping[Path, float], is_law_chang
 
 
 def _with_numbers(item: Any, numbers: Mapping[Path, float]) -> Any:
-    """Return a copy of a story, or of a part of it, with other numbers."""
+    """Return a copy of a story, or of a part of a story, with other numbers."""
     if () in numbers:
         return numbers[()]
     parts: dict[Any, dict[Path, float]] = {}

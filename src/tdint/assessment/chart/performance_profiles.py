@@ -563,7 +563,7 @@ def _points_of_method(
 
 
 def _contenders(points: Mapping[tuple[Integrator, float], Point]) -> list[tuple[Integrator, float]]:
-    """Return the runs whose points are, or may become, the cheapest of their line for some
+    """Return the runs with a point that is, or may become, the cheapest of its line for a
     tolerance.
 
     These points meet the tolerance at a cost of at most `_NEAR` times the minimum of their line.

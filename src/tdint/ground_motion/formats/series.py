@@ -330,7 +330,7 @@ def code(name: str) -> str:
 
 
 class Header(list[str]):
-    """Lines of text at the start of a file or of a part, in which fields are found by patterns.
+    """Lines of text at the start of a file or of a part, with fields that are searched by patterns.
 
     Patterns do not distinguish upper and lower case. The first matching line is used.
     """

@@ -196,7 +196,7 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
         scale = SECONDS[name.units] if name is not None else 1.0
         times = table.columns[table.time] * scale
         mean, rounding = equal_steps(times)[0], last_decimal(times)
-        # Rounded times may agree with several intervals, of which the stated one is right.
+        # Rounded times may agree with several intervals; the stated one is right.
         stated = (step for step in (*intervals, layout.step) if step is not None)
         agreeing = (step for step in stated if agrees_with_times(step, times, rounding))
         intervals.append(next(agreeing, mean))

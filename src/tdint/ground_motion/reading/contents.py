@@ -500,7 +500,7 @@ starts with a zero or has several digits before its exponent."""
 
 _NUMBER_ROW = rb"[-+,;\dEeDd\s]*\d[-+,;\dEeDd\s]*"
 _MIN_COMMA_ROWS = 5  # rows of numbers; fewer are no evidence
-_MIN_SIGNED_ROWS = 20  # rows in which second integers would have a sign if they were a motion
+_MIN_SIGNED_ROWS = 20  # rows; second integers of a motion would have a sign in one of so many
 _MIN_DECIMALS = 8  # different numbers after a comma; fewer may be flags
 
 

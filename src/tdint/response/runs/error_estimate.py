@@ -386,7 +386,7 @@ def with_error_estimate(
 
 
 def _with_devices(response: Response) -> Response:
-    """Return a response whose stories contain its attachments and links, too, if there are any.
+    """Return a response with its attachments and links, if there are any, as further stories.
 
     The minima of the errors are common to all these peaks.
     """

@@ -402,7 +402,7 @@ def _empty_result(
     kept: tuple[str, ...],
     out: Any = None,
 ) -> Runs:
-    """Return the result with a row of nan for each run, to which the runs write their values.
+    """Return the result with a row of nan for each run; the runs write their values to it.
 
     The quantities `kept` have histories with a row for each `every` steps of the longest run, in
     the arrays `out` of the caller (`history_arrays`) if there are any.

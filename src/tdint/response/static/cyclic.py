@@ -311,8 +311,8 @@ def _test(
 
 
 def _with_tested_element(model: Model, story: int, element: str | None) -> Model:
-    """Return the model, in which the tested story consists of one of its elements, without P-delta,
-    if the name of an element is given.
+    """Return the model, with a tested story of a single element and without P-delta, if
+    the name of an element is given.
 
     UsageError is raised if the story or the element does not exist.
     """

@@ -336,7 +336,7 @@ def floor_suite_picture(
 # ---- Many runs (peaks over the height), and derivatives of the peak drifts
 
 _MOST_PARAMETERS = 6  # maximum number of panels of derivatives
-_MAX_PLAIN_POWER = 3  # power of ten up to which the axis has plain numbers
+_MAX_PLAIN_POWER = 3  # power of ten; the axis of smaller values has plain numbers
 _COLUMNS = 3  # maximum number of panels in a row
 
 

@@ -609,7 +609,7 @@ def _variants(
 
 def _drifts(profile: Profile, quantity: str) -> Array:
     """Return a quantity of the stories of a building, shape (motions, stories); nan for isolators,
-    whose drifts are strokes."""
+    because their drifts are strokes."""
     values = profile.peaks[quantity].copy()
     values[:, [number - 1 for number in profile.isolators]] = math.nan
     return values

@@ -108,8 +108,8 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
 
 
 def station_and_code(component: str) -> tuple[str, str]:
-    """Return the station and the channel code of an id NET.STA.LOC.CHA, by which the components of
-    several stations in a file are named; a name of another form is a code."""
+    """Return the station and the channel code of an id NET.STA.LOC.CHA, the name of a
+    component in a file with several stations; a name of another form is a code."""
     station, _, code = component.rpartition(".")
     return (station, code) if station.count(".") == 2 else ("", component)
 

@@ -825,7 +825,7 @@ _MAX_LISTED = 10
 """Maximum number of rows that are listed, because a wrong unit makes every row unusual."""
 
 Question = tuple[str, str]
-"""Name of a column, and what is unusual about its cell."""
+"""Name of a column, and the reason why its cell is unusual."""
 
 
 def unusual_rows(rows: InventoryRows, rules: str) -> list[str]:

@@ -161,7 +161,7 @@ def _begin_reading(file: Path, name: str) -> sqlite3.Connection:
 def _read_copy(file: Path, name: str) -> sqlite3.Connection:
     """Return a connection for reading to a copy of a store in memory.
 
-    The store and its logs are first copied to a temporary directory, in which SQLite can complete
+    The store and its logs are first copied to a temporary directory. There SQLite can complete
     or reverse the last transaction.
 
     Raises
