@@ -1,6 +1,7 @@
 """Common elements of figures: labels of points, legends, units with a power of ten."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tdint.assessment.chart.performance_profiles import METHODS
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import catalogue
 from tdint.output.figures.legends import add_legend, legend_columns
-from tdint.output.figures.style import add_ratio_axis, method_styles, scaled_unit, write_labels
+from tdint.output.figures.style import (
+    add_ratio_axis,
+    method_styles,
+    motion_name,
+    scaled_unit,
+    write_labels,
+)
 from tdint.units import SI, parse_output_units
 
 
@@ -115,3 +124,13 @@ def test_each_method_has_a_unique_style_in_all_figures():
     assert max(shared.values()) <= 2 and len(shared) >= 12
     pairs = {(plot_styles[name]["color"], str(plot_styles[name]["linestyle"])) for name in METHODS}
     assert len(pairs) == len(METHODS)
+
+
+def test_name_of_a_motion_is_its_name_in_tables():
+    """Figures of a channel of several stations showed its code only."""
+    record = Record(np.ones(5), 0.01, "", "NZ.S1..HNE", "HNE", "in/a.mseed")
+    assert motion_name(record) == "a.mseed HNE"
+    record = replace(record, is_one_of_several=True)
+    assert motion_name(record) == "a.mseed NZ.S1..HNE"
+    other = replace(record, id="NZ.S1..HNN", component="HNN", acceleration=np.arange(5.0))
+    assert motion_name(Horizontals(record, other)) == "a.mseed NZ.S1..HNE+NZ.S1..HNN"

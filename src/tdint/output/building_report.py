@@ -254,7 +254,7 @@ def _spectrum_at_modes(record: Record, periods: Array) -> figures.mode_shapes.Sp
     """
     longest = max(SPECTRUM_PERIODS[1], 1.3 * float(periods.max(initial=0.0)))
     grid = np.geomspace(SPECTRUM_PERIODS[0], longest, int(SPECTRUM_PERIODS[2]))
-    name = f"{figures.style.record_name(record.source)} {record.component}".strip()
+    name = figures.style.motion_name(record)
     values = spectrum(record, grid).psa, spectrum(record, periods).psa
     return figures.mode_shapes.SpectrumAtModes(name, grid, *values)
 

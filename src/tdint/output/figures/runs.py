@@ -22,8 +22,8 @@ from tdint.output.figures.style import (
     MARK,
     changed,
     is_narrow,
+    motion_name,
     over_stories,
-    record_name,
     scaled_unit,
     titled,
     write_note,
@@ -177,7 +177,7 @@ def _run_subject(response: Response) -> str:
     if not records and response.record:
         records = [response.record]
     if records:
-        names = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
+        names = [motion_name(record) for record in records]
         text += f", {', then '.join(names[:_MAX_NAMED])}"
         if len(names) > _MAX_NAMED:
             text += f" and {len(names) - _MAX_NAMED} more"

@@ -27,6 +27,7 @@ from tdint.output.figures.style import (
     changed,
     line_style,
     mark_first_periods,
+    motion_name,
     plain_minor_numbers,
     plain_numbers,
     record_name,
@@ -273,9 +274,8 @@ def over_periods_title(
     subject += changed(result.record for result in results)
     damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
     if len(results) == 1:
-        return (
-            f"{single_title} of {subject} {results[0].record.component}\n{damping} damping, {more}"
-        )
+        subject = motion_name(results[0].record) + changed([results[0].record])
+        return f"{single_title} of {subject}\n{damping} damping, {more}"
     return f"{several} of {subject}\n{damping} damping, {more}"
 
 

@@ -25,6 +25,7 @@ from tdint.output.figures.style import (
     drift_scale,
     is_narrow,
     line_style,
+    motion_name,
     over_stories,
     plain_numbers,
     record_name,
@@ -355,7 +356,7 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
     sources = list(dict.fromkeys(spectrum.record.source for spectrum in spectra))
     subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
     if len(spectra) == 1:
-        subject = f"{subject} {spectra[0].record.component}".rstrip()
+        subject = motion_name(spectra[0].record)
     subject += changed(spectrum.record for spectrum in spectra)
     # The bandwidth coefficient b of Konno and Ohmachi is nan for a spectrum without smoothing.
     b = spectra[0].bandwidth
@@ -417,7 +418,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     # `changed` returns a suffix for a scaled or processed record, such as ` x 1.7 (processed)`.
-    title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
+    title = motion_name(record) + changed([record])
     column[0].set_title(title, parse_math=False)
     # A Husid plot (1969) shows the integral of the squared acceleration divided by its final value.
     # Its marks bound the significant durations.

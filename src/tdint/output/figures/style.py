@@ -16,11 +16,14 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten, wrap
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from tdint.errors import OutputError, UsageError
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.reading.suites import GroundMotion
 
 try:
     import matplotlib as mpl
@@ -695,6 +698,11 @@ def record_name(source: str) -> str:
     """
     name = "standard input" if source == "-" else Path(source).name
     return name.encode("utf-8", "replace").decode("utf-8")
+
+
+def motion_name(motion: GroundMotion) -> str:
+    """Return the name of a ground motion in figures: its file name and component."""
+    return f"{record_name(motion.source)}{motion.name.removeprefix(motion.source)}"
 
 
 def record_names(sources: Iterable[str]) -> dict[str, str]:

@@ -13,7 +13,7 @@ from tdint.output.figures.style import (
     COLORS,
     DASHES,
     changed,
-    record_name,
+    motion_name,
     titled,
 )
 from tdint.studies.fragility.fragility_function import initial_damage
@@ -46,7 +46,7 @@ def ida_picture(study: IdaStudy) -> Figure:
     records = [curve.record for curve in study.states[0].curves]
     subject = study.motions_text
     if len(records) == 1:
-        subject = f"{record_name(records[0].source)} {records[0].component}"
+        subject = motion_name(records[0])
     title = (
         f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, "
         f"{study.method}"

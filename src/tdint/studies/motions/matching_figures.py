@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from tdint.output.figures.static_curves import MATCHED, MOTION
 from tdint.output.figures.style import (
     COLORS,
+    motion_name,
     plain_logarithmic,
     record_name,
     titled,
@@ -52,7 +53,7 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
             panels[3].set_ylabel("Arias intensity (%)")
         if len(parts) > 1:
             panels[0].set_title(part.after.component, fontsize="medium")
-    subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
+    subject = motion_name(matched.seed)
     source = source_of([spectrum.target for spectrum in matched.by_damping])
     target = spectrum_text(source) if matched.target.curve else record_name(source)
     pair_text = ", RotD100" if len(parts) > 1 else ""

@@ -21,6 +21,7 @@ from tdint.output.figures.style import (
     changed,
     mark_first_periods,
     minor_ticks,
+    motion_name,
     plain_logarithmic,
     plain_numbers,
     record_name,
@@ -157,7 +158,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
     noun = "record" if isinstance(scaling.motions[0], Record) else "pair"
     subject = pluralize(len(scaling.motions), noun)
     if len(scaling.motions) == 1:
-        subject = f"{record_name(records[0].source)} {scaling.motions[0].component}"
+        subject = motion_name(scaling.motions[0])
     title = f"{subject}{changed(records)}, {scaling_texts[scaling.rule]}\n"
     title += f"{100.0 * scaling.damping:g} % damping"
     if noun == "pair" and scaling.rule != "p695":
