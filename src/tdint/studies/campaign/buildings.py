@@ -162,10 +162,13 @@ def digest_of(model: Model, method: str) -> str:
 
 def _content_of(attributes: list[tuple[str, Any]]) -> Any:
     """Return the attributes of a part of a model by name; of a power dashpot and its relief valve
-    only the values, as in the digests of stored buildings."""
+    only the values, as in the digests of stored buildings. The ratio of a fracture drift does not
+    change the response."""
     names = [name for name, _ in attributes]
     is_list = names in ([item.name for item in fields(part)] for part in (PowerDashpot, Relief))
-    return [value for _, value in attributes] if is_list else dict(attributes)
+    if is_list:
+        return [value for _, value in attributes]
+    return {name: value for name, value in attributes if name != "fracture_ratio"}
 
 
 @dataclass(frozen=True)
