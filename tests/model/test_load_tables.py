@@ -73,6 +73,13 @@ def test_unit_of_the_times(load, column, factor):
     assert force.times.tolist() == [0.0, 5.0 * factor]
 
 
+def test_cells_may_be_separated_by_semicolons_and_have_decimal_commas(load):
+    (force,) = load(
+        "[{floor: 1, file: blast.csv}]", "time_s;f_kN\n0;1,5\n0,5;2\n"
+    ).excitation.tables
+    assert (force.times.tolist(), force.values.tolist()) == ([0.0, 0.5], [1500.0, 2000.0])
+
+
 def test_points_are_in_the_unit_of_the_model(load):
     forces = (
         "[{floor: 2, points: [[0, 200], [0.1, 0]], scale: 2}, {floor: 1, amplitude: 5, omega: 3}]"
@@ -161,9 +168,7 @@ def test_messages_of_the_model_file(load, forces, expected):
         ("f_kN,g\n0,1\n1,2\n",
          "blast.csv:1: no column of times, such as time_s or time_ms, among 2 columns; the "
          "first line must contain the names"),
-        ("time_s;f_kN\n0;1,5\n1;2\n",
-         "among 1 column; the first line must contain the names of the columns; separate columns "
-         "by commas, and write decimals with a point"),
+        ("time_s;f_kN\n0;1,5\n1;2,x\n", "blast.csv:3: f_kN must be a number, got '2,x'"),
         ("time_s,f (t)\n0,1\n1,2\n", "the column f (t) has the unit t, which is not a unit"),
         ("t,time_s,f\n0,0,1\n1,1,2\n", "several columns of times"),
         ("time_s,f_mm\n0,1\n1,2\n",

@@ -338,9 +338,8 @@ def _read_numbers(
         texts = [[cell.strip() for cell in columns[index]] for index in indices]
         part = np.column_stack([numbers_in(column) for column in texts])
         if np.isnan(part).any() or any(table.surplus(cells) for _, cells in block):
-            # `numbers` reports the first invalid row.
+            # `numbers` reads decimal commas, and reports the first invalid row.
             checked = replace(table, rows=block)
-            for index in indices:
-                checked.numbers(table.titles[index])
+            part = np.column_stack([checked.numbers(table.titles[index]) for index in indices])
         parts.append(part)
     return lines, np.concatenate(parts) if parts else np.empty((0, len(names)))
