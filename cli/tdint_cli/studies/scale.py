@@ -324,9 +324,9 @@ def _scaled(request: ScaleRequest) -> tuple[Suite, Scaling]:
     settings["rule"] = "p695" if request.p695 else request.rule or "mean"
     measure = value = None
     if request.target is not None:
-        from tdint.response.spectra.target import read_target
+        from tdint.response.spectra.target import read_targets
 
-        target = read_target(request.target)
+        (target,) = read_targets(request.target, (request.damping,))
         periods = _period_range(request, target).values()
         try:
             target.at(periods)

@@ -347,3 +347,25 @@ def test_invalid_target_tables_are_refused(tmp_path, text, message):
     file.write_text(text)
     with pytest.raises(ModelError, match=message):
         read_target(str(file))
+
+
+def test_target_of_another_damping_ratio_is_refused(tmp_path):
+    """The column damping was ignored by `scale`: motions with 2 % damping were scaled to a spectrum
+    with 5 %, and a file with several ratios was refused, although `match` selects one. Python did
+    not compare the ratio of a design spectrum."""
+    record = Record(np.random.default_rng(0).normal(size=500), 0.01, "", "", "", "a.txt")
+    rows = [
+        f"{ratio},{period},{psa}" for ratio, psa in ((0.02, 2), (0.05, 1)) for period in (0.5, 1)
+    ]
+    several, single = str(tmp_path / "several.csv"), str(tmp_path / "single.csv")
+    Path(several).write_text("\n".join(["damping,period_s,sa_m_s2", *rows]))
+    Path(single).write_text("\n".join(["damping,period_s,sa_m_s2", *rows[2:]]))
+    with pytest.raises(ModelError, match=r"damping ratio 0\.02 not found; the file contains 0\.05"):
+        scale([record], target=single, damping=0.02)
+    with pytest.raises(UsageError, match="the target applies to 5 % damping"):
+        scale([record], target="ec8:type=1,soil=B,ag=0.4g", damping=0.02)
+    with pytest.raises(ModelError, match=r"several\.csv: column damping must have the same value"):
+        read_target(several)
+    assert read_target(single).damping == 0.05
+    factors = [float(scale([record], target=file).factors[0]) for file in (several, single)]
+    assert factors[0] == factors[1]

@@ -361,7 +361,10 @@ def read_target(source: str) -> TargetSpectrum:
     if match := _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         return _multi_period(source, match[1].lower(), match[2] or "")
     if (named := _name_and_parameters(source)) is None:
-        return _read_points(read_table(source, _NEEDS))
+        table = read_table(source, _NEEDS)
+        table.only("damping")  # raises an error for the spectra of several ratios
+        damping = table.numbers("damping")[0] if table.has("damping") else None
+        return _read_points(table, damping)
     name, text = named
     if name not in CODES:
         raise UsageError(

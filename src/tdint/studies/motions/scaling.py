@@ -19,7 +19,7 @@ from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyMotion, motion_of, numbers_of
 from tdint.response.spectra.elastic import SA_DAMPING, checked_periods
-from tdint.response.spectra.target import TargetSpectrum, read_target
+from tdint.response.spectra.target import TargetSpectrum, read_targets
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
     IntensityMeasure,
@@ -422,7 +422,7 @@ def scale(
     if target is not None:
         if intensity_measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
-        spectrum, compared_periods = target_at(target, periods)
+        spectrum, compared_periods = target_at(target, periods, damping)
         check_rule(rule, suite, spectrum)
         if text := missing_motions(rule, len(suite)):
             raise UsageError(f"{text}; add ground motions, or use the rule mean")
@@ -454,7 +454,7 @@ _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade
 
 
 def target_at(
-    target: TargetSpectrum | str, periods: Numbers | None
+    target: TargetSpectrum | str, periods: Numbers | None, damping: float
 ) -> tuple[TargetSpectrum, Array]:
     """Return a target spectrum and the periods of the comparison of motions with this target.
 
@@ -464,8 +464,11 @@ def target_at(
         Target spectrum, or the text that specifies it (`read_target`), for example a file.
     periods : sequence of float | None
         Periods, s; None: 100 logarithmically spaced periods over the range of the target.
+    damping : float
+        Damping ratio of the spectra of the motions, which a target must have if it states a ratio.
     """
-    target_spectrum = read_target(target) if isinstance(target, str) else target
+    target_spectrum = read_targets(target, (damping,))[0] if isinstance(target, str) else target
+    target_spectrum.check_damping(damping, "of the motions")
     if periods is not None:
         return target_spectrum, numbers_of(periods, "periods")
     first, last = float(target_spectrum.periods[0]), float(target_spectrum.periods[-1])

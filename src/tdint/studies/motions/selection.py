@@ -128,7 +128,7 @@ def select(
         raise UsageError(
             f"events: must contain one event for each of {len(motions)} motions, got {len(events)}"
         )
-    target_spectrum, compared_periods = target_at(target, periods)
+    target_spectrum, compared_periods = target_at(target, periods, damping)
     target_scatter = _target_scatter(scatter, compared_periods, count)
     suite = [motion_of(motion) for motion in motions]
     spectrum_pair = pair_of_rule(rule, pair)
