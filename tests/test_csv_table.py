@@ -260,6 +260,12 @@ def test_separators_of_cells(tmp_path, read, header, rows):
     assert found == found[:1] * 5
 
 
+def test_names_of_columns_may_contain_other_separators(tmp_path):
+    file = tmp_path / "t.csv"
+    file.write_text("record,component,Vs30; m/s,factor\na.txt,N,1,1.5\n")
+    assert read_table(str(file), "").numbers("factor") == [1.5]
+
+
 def test_table_is_read_from_standard_input(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"drift_m\n0.1\n-0.2\n")))
     assert read_drift_path("-") == [0.1, -0.2]

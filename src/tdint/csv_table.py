@@ -30,8 +30,9 @@ rows do not contain this row.
 """
 
 _SEPARATORS = "\t;,"
-"""Separators of the cells of a table that is read completely. Tabs and semicolons are searched in
-the header first, because a comma may then be the decimal point."""
+"""Separators of the cells of a table that is read completely: the most frequent of these in the
+header, where names can contain the others. With tabs and semicolons, a comma may be the decimal
+point."""
 
 _PROTECTED_TEXT = re.compile(r"'[=+@-]")
 """Start of a text that tdint protected from interpretation as a formula by a spreadsheet program:
@@ -443,7 +444,8 @@ def stream_table(
             (t for t in lines if t.strip() and not (comment and t.startswith(comment))), ""
         )
         if read_first:
-            mark = next((mark for mark in _SEPARATORS if mark in header_text), ",")
+            marks = (mark for mark in _SEPARATORS if mark in header_text)
+            mark = max(marks, key=header_text.count, default=",")
         digest = sha256(data).hexdigest()
         rows = _stream_rows(source, io.BytesIO(data), error, mark)
     else:
