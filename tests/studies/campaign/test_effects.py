@@ -9,6 +9,7 @@ import tdint
 from building_cases import noise, ten_bilinear
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.response.spectra.target import read_target
 from tdint.studies.campaign.definition import Distribution, ParameterSweep
 from tdint.studies.campaign.reader import load_campaign
 from tdint.studies.ida import ida as ida_module
@@ -74,13 +75,13 @@ def test_intensity_and_demand_of_a_pair(rule):
 @pytest.mark.parametrize("damping", [0.02, 0.05])
 def test_damping_and_pair_of_a_target_spectrum(damping, rule):
     """The average of the scaled spectra is the target in the mean."""
-    periods = np.array([0.2, 0.4, 0.8])
-    arguments = {"target": TARGET, "periods": periods, "damping": damping, "pair": rule}
+    periods, target = np.array([0.2, 0.4, 0.8]), replace(read_target(TARGET), damping=None)
+    arguments = {"target": target, "periods": periods, "damping": damping, "pair": rule}
     scaling = tdint.scale([pair()], **arguments)
     assert (scaling.damping, scaling.pair) == (damping, rule)
     chosen = tdint.select(
         [pair()],
-        TARGET,
+        target,
         1,
         **{k: arguments[k] for k in arguments if k != "target"},
         factors=(0.001, 1000.0),
