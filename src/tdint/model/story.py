@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from tdint.model.story_laws import LAWS, LINEAR, Law
 
@@ -44,8 +44,7 @@ MAX_STORIES = 100_000
 """Maximum number of stories. Without it, a typing error in `repeat` would fill the memory."""
 
 
-@dataclass(frozen=True)
-class Relief:
+class Relief(NamedTuple):
     """Relief valve of a damper: above the force `force` (N), the slope of its force over its rate
     is `ratio` times its coefficient."""
 
@@ -53,8 +52,7 @@ class Relief:
     ratio: float
 
 
-@dataclass(frozen=True)
-class PowerDashpot:
+class PowerDashpot(NamedTuple):
     """Dashpot with the force c v (v^2 + v0^2)^((exponent - 1) / 2) at the drift rate v.
 
     The force approaches c |v|^exponent for |v| much larger than v0, and a linear dashpot for |v|
@@ -191,14 +189,15 @@ def _with_numbers(item: Any, numbers: Mapping[Path, float]) -> Any:
     parts: dict[Any, dict[Path, float]] = {}
     for (first, *rest), number in numbers.items():
         parts.setdefault(first, {})[tuple(rest)] = number
-    if isinstance(item, tuple):
-        changed = list(item)
-        for index, part in parts.items():
-            changed[index] = _with_numbers(item[index], part)
-        return tuple(changed)
-    return replace(
-        item, **{name: _with_numbers(getattr(item, name), part) for name, part in parts.items()}
-    )
+    changed = {
+        part: _with_numbers(item[part] if isinstance(part, int) else getattr(item, part), of_part)
+        for part, of_part in parts.items()
+    }
+    if not isinstance(item, tuple):
+        return replace(item, **changed)
+    if hasattr(item, "_replace"):
+        return item._replace(**changed)
+    return tuple(changed.get(index, part) for index, part in enumerate(item))
 
 
 def simple_story(

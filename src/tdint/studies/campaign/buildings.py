@@ -7,15 +7,13 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Excitation, Model, simple_model
 from tdint.model.limits import Limit
-from tdint.model.story import PowerDashpot, Relief
 from tdint.response.runs.batch import Subject
 from tdint.studies.regions.inventory import InventoryRow, InventoryRows, LazySequence, derive_row
 from tdint.units import SI, OutputUnits
@@ -133,7 +131,11 @@ def digest_of(model: Model, method: str) -> str:
     # Remove everything that does not change the response, such as names and units of the output.
     # The ground motion of the model is not used in a campaign.
     unexcited = replace(model, excitation=Excitation(None, model.excitation.forces))
-    content = asdict(unexcited, dict_factory=_content_of)
+    # The ratio of a fracture drift only determines variations of the model.
+    content = asdict(
+        unexcited,
+        dict_factory=lambda items: {k: value for k, value in items if k != "fracture_ratio"},
+    )
     for name in (
         "name",
         "source",
@@ -158,17 +160,6 @@ def digest_of(model: Model, method: str) -> str:
         ],
     }
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
-
-
-def _content_of(attributes: list[tuple[str, Any]]) -> Any:
-    """Return the attributes of a part of a model by name; of a power dashpot and its relief valve
-    only the values, as in the digests of stored buildings. The ratio of a fracture drift does not
-    change the response."""
-    names = [name for name, _ in attributes]
-    is_list = names in ([item.name for item in fields(part)] for part in (PowerDashpot, Relief))
-    if is_list:
-        return [value for _, value in attributes]
-    return {name: value for name, value in attributes if name != "fracture_ratio"}
 
 
 @dataclass(frozen=True)
