@@ -17,6 +17,7 @@ from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
+    from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.response.spectra.modal import ModalResponse
@@ -114,14 +115,7 @@ def command(
     )
     notes = []
     if complex_modes is not None:
-        notes.append(
-            "period and damping are those of the undamped modes, without the braces of dampers; "
-            "the columns complex_period_s, damped_period_s and complex_damping include the dampers"
-        )
-        if building.has_power_law_dampers:
-            notes[-1] += (
-                "; power-law dampers are omitted, because their damping depends on the amplitude"
-            )
+        notes.append(_complex_note(building))
     # `damping_ratios` also returns None for a negative ratio, which `warn_of` has reported.
     if modes.damping_ratios(matrix) is None and ratios.min() >= 0.0:
         notes.append(
@@ -225,6 +219,16 @@ def _transfer_sentence(result: TransferFunction, units: OutputUnits) -> str:
     return (
         f"{result.model.name}: maximum {amplitude}, at {roof.frequency:.4g} Hz; first natural "
         f"frequency {frequency:.4g} Hz."
+    )
+
+
+def _complex_note(building: Building) -> str:
+    """Return the note on the modes with and without dampers."""
+    omitted = "; power-law dampers are omitted, because their damping depends on the amplitude"
+    return (
+        "period and damping are those of the undamped modes, without the braces of dampers; the "
+        "columns complex_period_s, damped_period_s and complex_damping include the dampers"
+        f"{omitted if building.has_power_law_dampers else ''}"
     )
 
 

@@ -139,7 +139,7 @@ class Record(Tabular):
         Seed, target and changes of a motion that `tdint match` or `tdint info --export` wrote;
         None for other files.
     is_one_of_several : bool
-        The file has further channels with the name of this component.
+        The file has further channels with the name of this component, or further stations.
     """
 
     acceleration: NDArray[np.float64]

@@ -78,7 +78,7 @@ class _Channel(NamedTuple):
     id : str
         Common id of the traces, NET.STA.LOC.CHA.
     is_one_of_several : bool
-        The file has other channels with the same code, or other stations.
+        As in `Record`: the file has further channels with this code, or further stations.
     """
 
     source: str

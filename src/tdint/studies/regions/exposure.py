@@ -356,9 +356,9 @@ def _parse(source: str, data: bytes) -> _ExposureModel:
         parent = path[-2] if len(path) > 1 else ""
         last_asset = model.assets[-1][1] if model.assets else {}
         if local == "costType" and attributes.get("name") == _STRUCTURAL:
-            model.cost_type = known_type(attributes, _COST_TYPES)
+            model.cost_type = _known_type(source, parser.CurrentLineNumber, attributes, _COST_TYPES)
         elif local == "area" and parent == "conversions":
-            model.area_type = known_type(attributes, _AREA_TYPES)
+            model.area_type = _known_type(source, parser.CurrentLineNumber, attributes, _AREA_TYPES)
         elif local == "field":
             # The element <field oq="area" input="sqm"/> assigns the column sqm to the field area.
             # In <field oq="value" type="structural" input="cost"/> the name of the field is the
@@ -375,16 +375,6 @@ def _parse(source: str, data: bytes) -> _ExposureModel:
         elif local == "tags":
             # Tags must not overwrite fields of the asset.
             last_asset.update({tag: text for tag, text in attributes.items() if tag not in _FIELDS})
-
-    def known_type(attributes: Mapping[str, str], allowed: Sequence[str]) -> str:
-        """Return the type of costs or areas; raise ModelError if it is unknown."""
-        text = attributes.get("type", "")
-        if text not in allowed:
-            raise ModelError(
-                f"{source}:{parser.CurrentLineNumber}: type must be one of {', '.join(allowed)}, "
-                f"got {text[:40]!r}"
-            )
-        return text
 
     def end(_: str) -> None:
         """Store the text of an element when its end tag is read."""
@@ -411,3 +401,15 @@ def _parse(source: str, data: bytes) -> _ExposureModel:
             f"areas; add <area type=...> with {' or '.join(_AREA_TYPES)} to <conversions>"
         )
     return model
+
+
+def _known_type(
+    source: str, line: int, attributes: Mapping[str, str], allowed: Sequence[str]
+) -> str:
+    """Return the type of costs or areas of an element; raise ModelError if it is unknown."""
+    text = attributes.get("type", "")
+    if text not in allowed:
+        raise ModelError(
+            f"{source}:{line}: type must be one of {', '.join(allowed)}, got {text[:40]!r}"
+        )
+    return text
