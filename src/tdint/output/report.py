@@ -186,12 +186,10 @@ def run_page(
         lambda: figures.runs.run_picture(response, units),
         "Response histories, energies, profiles, hysteresis loops",
     )
-    element_names = [column.name for column in ELEMENT_COLUMNS]
-    elements = [
-        table.chosen(element_names).in_units(units)
-        for table in (element_table(response),)
-        if table is not None
-    ]
+    elements: list[Part] = []
+    if all_elements := element_table(response):
+        element_names = [column.name for column in ELEMENT_COLUMNS]
+        elements.append(all_elements.chosen(element_names).in_units(units))
     spectra = Picture(
         lambda: figures.floor_spectra.floor_picture(
             floors, units, title=model.name, period=first_period(model)

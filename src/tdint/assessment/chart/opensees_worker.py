@@ -2,8 +2,7 @@
 
 `python -m` with the name of the module reads a building and a list of runs from standard input, and
 writes their motions and times to standard output. Only the analysis loop of OpenSeesPy is timed.
-Exit codes: 3 if OpenSeesPy is not
-installed, 4 if it is installed but cannot be loaded.
+Exit codes: 3 if OpenSeesPy is not installed, 4 if it is installed but cannot be loaded.
 """
 
 from __future__ import annotations
