@@ -52,7 +52,11 @@ CUBE = ArrayOf(3)
 COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
 """True if this process compiles kernels. `tdint.kernels.building.process` starts such processes."""
 
-VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
+SPECIFIC = COMPILES or "TDINT_KERNELS_VARIANT" in os.environ
+"""True if the functions of kernels contain only the laws and features of `VARIANT`: in a process
+that compiles, and in a test that executes a variant in plain Python (TDINT_KERNELS=python)."""
+
+VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if SPECIFIC else EVERYTHING
 """Variant that this process compiles. In other processes it contains all features, because the
 kernels are selected at run time."""
 

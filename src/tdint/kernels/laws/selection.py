@@ -14,7 +14,7 @@ from typing import Any
 
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import FRACTURES
-from tdint.kernels.compiling import COMPILES, VARIANT, inline, outlined
+from tdint.kernels.compiling import SPECIFIC, VARIANT, inline, outlined
 from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.fracture import FRACTURING
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
@@ -59,7 +59,7 @@ def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
     Compiled kernels need a tuple of constants. Kernels in plain Python use a `_Codes` instead,
     because a tuple would not contain the laws that plug-ins register later.
     """
-    if not COMPILES:
+    if not SPECIFIC:
         return _Codes(has_property)
     return tuple(float(code) for code in COMPILED if has_property(LAWS[code]))
 
@@ -69,17 +69,19 @@ CURVED_LAWS = _codes(lambda law: law.curved)
 
 
 # Kernels that run in plain Python contain all laws.
-HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
+HAS_CURVED_LAW = not SPECIFIC or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 
-HAS_CURVED_FORCE = VARIANT.power_dampers or VARIANT.tangent_damping or HAS_CURVED_LAW
-"""True if a story can have a force that is not piecewise linear: a curved law, a power-law
-dashpot or tangent damping."""
+HAS_CURVED_FORCE = (
+    VARIANT.power_dampers or VARIANT.braces or VARIANT.tangent_damping or HAS_CURVED_LAW
+)
+"""True if a story can have a force that is not piecewise linear in its drift and velocity: a curved
+law, a power-law dashpot, a damper with a brace or tangent damping."""
 
 HAS_NONLINEAR_FORCE = HAS_CURVED_FORCE or any(LAWS[code].kinked for code in COMPILED)
 """True if a story can have a force that is not linear in its motion."""
 
-HAS_FRACTURE = not COMPILES or any(code % 1.0 == FRACTURING for code in COMPILED)
+HAS_FRACTURE = not SPECIFIC or any(code % 1.0 == FRACTURING for code in COMPILED)
 """True if a law of the variant can fracture."""
 
 HAS_ELEMENTS = VARIANT.elements
@@ -109,7 +111,7 @@ def select_function(hook: str, otherwise: Any = None) -> Any:
 
     Laws without this function use `otherwise`, which is required unless every law has the function.
     """
-    if not COMPILES:
+    if not SPECIFIC:
 
         def call(law_parameters, law_state, i, *arguments):
             """Call the function `hook` of the law of story `i`, or `otherwise`."""
