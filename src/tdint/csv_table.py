@@ -470,17 +470,15 @@ def stream_table(
     return table, rows
 
 
-def read_rows(source: str, needs: str) -> list[tuple[int, list[str]]]:
-    """Return the line number and the cells of each row of a CSV file without a header.
+def read_rows(source: str, needs: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and the cells of each row of a CSV file without a header.
 
     Raises
     ------
     ModelError
         The file cannot be read; `needs` describes the file in the message.
     """
-    return list(
-        _stream_rows(source, io.BytesIO(_read_bytes(source, needs, ModelError)), ModelError)
-    )
+    yield from _stream_rows(source, io.BytesIO(_read_bytes(source, needs, ModelError)), ModelError)
 
 
 def _stream_rows(

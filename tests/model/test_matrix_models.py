@@ -1,5 +1,9 @@
 """Errors of models of matrices and flexural stories, one line each."""
 
+import re
+import time
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -66,14 +70,125 @@ def test_matrix_in_a_file(tmp_path):
     model.write_text(
         "{stories: [{mass: 1, height: 3}, {mass: 1, height: 3}], stiffness_matrix: K.csv}"
     )
-    assert tdint.load_model(model).matrices.stiffness == ((3.0, -1.0), (-1.0, 1.0))
+    assert tdint.load_model(model).matrices.stiffness.tolist() == [[3.0, -1.0], [-1.0, 1.0]]
     (tmp_path / "K.csv").write_text("3,-1\n-1,x\n")
-    with pytest.raises(ModelError, match=r"K.csv:2: must contain numbers only, got 'x'"):
+    with pytest.raises(ModelError, match=r"K.csv:2: column 2 is not a number; give a list of"):
         tdint.load_model(model)
     (tmp_path / "K.csv").write_text("")
     model.write_text("matrices: {mass: [1], stiffness: K.csv}")
     with pytest.raises(ModelError, match=r"matrices.stiffness: must contain at least one row"):
         tdint.load_model(model)
+
+
+SECRETS = ("root:hidden:20228\n", "1,2\n3,hidden\n", "hidden,20228\n1,2\n", "nan,1\n1,inf\n")
+
+
+@pytest.mark.parametrize("key", ["stiffness_matrix", "stiffness", "mass", "damping"])
+@pytest.mark.parametrize("text", SECRETS)
+def test_no_text_of_a_file_is_in_a_message(tmp_path, key, text):
+    """The file is named with the line and the column that has no number."""
+    (tmp_path / "other.txt").write_text(text)
+    content = {"matrices": {"mass": [1, 1], "stiffness": GOOD, key: str(tmp_path / "other.txt")}}
+    if key == "stiffness_matrix":
+        content = frame(str(tmp_path / "other.txt"))
+    with pytest.raises(
+        ModelError, match=r"other.txt:\d: column \d is not a number; give a"
+    ) as error:
+        tdint.load_model(content)
+    assert not any(word in str(error.value) for word in ("hidden", "20228", "nan", "inf"))
+
+
+@pytest.mark.parametrize("key", ["mass", "damping", "stiffness"])
+@pytest.mark.parametrize("kind", ["list", "array", "rows", "file", "wide file"])
+def test_the_size_is_checked_before_a_table_is_expanded(tmp_path, key, kind):
+    """A table of 20 000 numbers or rows needs memory in proportion to it: less than 100 MB."""
+    numbers = [1.0] * 20_000
+    table = {
+        "list": numbers,
+        "array": np.ones(20_000),
+        "rows": [[1.0]] * 20_000,
+        "file": str(tmp_path / "t.csv"),
+        "wide file": str(tmp_path / "wide.csv"),
+    }[kind]
+    (tmp_path / "t.csv").write_text("1\n" * 20_000)
+    (tmp_path / "wide.csv").write_text(",".join(["1"] * 20_000) + "\n")
+    tracemalloc.start()
+    with pytest.raises(ModelError) as error:
+        tdint.load_model({"matrices": {"mass": [1, 1], "stiffness": GOOD, key: table}})
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 100e6
+    assert re.search(rf"matrices.{key}: must have (?:at most 2000 rows|2 )", str(error.value))
+
+
+def test_aliases_cannot_multiply_a_matrix(tmp_path):
+    """60 kB of text could define a matrix of 400 million numbers."""
+    file = tmp_path / "m.yaml"
+    row = "&a [" + ", ".join(["1"] * 3000) + "]"
+    rows = ", ".join([row, *["*a"] * 2999])
+    file.write_text(f"matrices: {{mass: [1], stiffness: [{rows}]}}")
+    with pytest.raises(ModelError, match=r"repeat more than|at most 2000 rows"):
+        tdint.load_model(file)
+
+
+def points_of(kind, floors=10, count=4000):
+    time = np.linspace(0.0, 40.0, count)
+    tables = [np.column_stack([time, 1e3 * np.sin(k * time)]) for k in range(1, floors + 1)]
+    return tables if kind == "array" else [table.tolist() for table in tables]
+
+
+@pytest.mark.parametrize("kind", ["array", "list"])
+def test_tables_of_forces_are_read_as_arrays(kind):
+    """Ten tables of 4000 points took 0.8 s, because each number was validated alone."""
+    tables = points_of(kind)
+    forces = [{"floor": k, "points": table} for k, table in enumerate(tables, start=1)]
+    content = {"stories": [{"repeat": 10, "mass": 1e5, "stiffness": 1e8}]}
+    start = time.process_time()
+    for _ in range(3):
+        model = tdint.load_model({**content, "excitation": {"forces": forces}})
+    assert time.process_time() - start < 0.3
+    for read, table in zip(model.excitation.tables, tables, strict=True):
+        assert np.array_equal(read.table.data, table)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([[0, 1], [1, float("nan")]], r"points\[2\]\[2\]: must be a number, got 'nan'"),
+        ([[0, 1], [1, float("inf")]], r"points\[2\]\[2\]: must be a number, got 'inf'"),
+        ([[0, 1], [1, 1e300]], r"points\[2\]\[2\]: must have an absolute value"),
+        ([[0, 1], [1, True]], r"points\[2\]\[2\]: must be a number, got 'true'"),
+        ([[0, 1], [1, 10**400]], r"points\[2\]\[2\]: "),
+        ([[0, 1, 2], [1, 2, 3]], r"points\[1\]: must be a point \[time in s, force\], got 3"),
+        ([[0, 1]], r"points: must be a list of at least two points .*got 1"),
+        ([[0, 1], [1, 5], [0.5, 5]], r"points\[3\]: times must not decrease"),
+        (np.zeros((0, 2)), r"points: must be a list of at least two points .*got 0"),
+        (np.array([[0, 1], [1, np.nan]]), r"points\[2\]\[2\]: must be a number, got 'nan'"),
+        (np.array([[False, True], [True, True]]), r"points\[1\]\[1\]: must be a number"),
+    ],
+)
+def test_points_from_python_are_checked_like_those_of_a_file(points, message):
+    content = {"stories": [{"mass": 1, "stiffness": 1}]}
+    with pytest.raises(ModelError, match=message):
+        tdint.load_model({**content, "excitation": {"forces": [{"floor": 1, "points": points}]}})
+
+
+def test_a_table_of_numbers_determines_the_digest_of_a_model():
+    """An array and the equal list have the same text; another number has another text."""
+    texts = {
+        kind: tdint.load_model(
+            {
+                "stories": [{"mass": 1, "stiffness": 1}],
+                "excitation": {"forces": [{"floor": 1, "points": table}]},
+            }
+        ).text
+        for kind, table in {
+            "list": [[0.0, 1.0], [2.0, 3.0]],
+            "array": np.array([[0.0, 1.0], [2.0, 3.0]]),
+            "other": [[0.0, 1.0], [2.0, 3.5]],
+        }.items()
+    }
+    assert texts["list"] == texts["array"] != texts["other"]
 
 
 def test_units():

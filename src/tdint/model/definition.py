@@ -262,10 +262,6 @@ class Link(NamedTuple):
         return 1.0 if self.ends[0] < self.ends[1] else -1.0
 
 
-Matrix = tuple[tuple[float, ...], ...]
-"""Rows of a matrix."""
-
-
 @dataclass(frozen=True, eq=False)
 class Matrices:
     """Matrices of a linear model, which replace the springs of its stories.
@@ -275,13 +271,13 @@ class Matrices:
 
     Attributes
     ----------
-    stiffness : Matrix
+    stiffness : ndarray
         K, N/m; empty for flexural stories, which determine it.
     names : tuple of str
         Names of rows that are not floors; empty if the rows are the floors of the stories.
-    mass : Matrix
+    mass : ndarray
         M, kg; empty for the masses of the floors.
-    damping : Matrix
+    damping : ndarray
         C, N s/m; empty for the damping of the model.
     influence : tuple of float
         r: displacements of the rows for a unit displacement of the ground; empty for ones.
@@ -290,10 +286,10 @@ class Matrices:
         N/m; infinite for a fixed base.
     """
 
-    stiffness: Matrix = ()
+    stiffness: NDArray[np.float64] | tuple[()] = ()
     names: tuple[str, ...] = ()
-    mass: Matrix = ()
-    damping: Matrix = ()
+    mass: NDArray[np.float64] | tuple[()] = ()
+    damping: NDArray[np.float64] | tuple[()] = ()
     influence: tuple[float, ...] = ()
     base: tuple[float, float] = (math.inf, math.inf)
 

@@ -152,7 +152,7 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
     assert matrices is not None
     n = len(model.stories)
     own_mass = np.array([story.mass for story in model.stories])
-    mass = np.array(matrices.mass) if matrices.mass else np.diag(own_mass)
+    mass = np.asarray(matrices.mass) if len(matrices.mass) else np.diag(own_mass)
     flexure, drifts = None, np.eye(n)
     cuts = np.triu(np.ones((n, n)))
     influence = np.array(matrices.influence or (1.0,) * n)
@@ -160,8 +160,8 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         drifts -= np.eye(n, k=-1)
     else:
         cuts *= influence
-    if matrices.stiffness:
-        stiffness = np.array(matrices.stiffness)
+    if len(matrices.stiffness):
+        stiffness = np.asarray(matrices.stiffness)
     else:
         stiffness, flexure = _stick(model, cuts)
         drifts[0] -= flexure.base[1]
@@ -173,8 +173,8 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         influence=influence,
     )
     damping = (
-        np.array(matrices.damping)
-        if matrices.damping
+        np.asarray(matrices.damping)
+        if len(matrices.damping)
         else _damping(model, mass, stiffness, vibration.modes)
     )
     names = tuple(map(column_name, model.rows))

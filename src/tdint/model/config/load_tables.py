@@ -13,6 +13,7 @@ import numpy as np
 from tdint.csv_table import BLOCK, CsvTable, numbers_in, stream_table
 from tdint.errors import ModelError, nearest
 from tdint.files import digest_of
+from tdint.model.config.number_tables import numbers_of_rows
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import LoadTable, TableForce
 from tdint.model.keys.fields import ROOF, Section, Value, quoted
@@ -143,10 +144,11 @@ def read_requests(
 
 def _read_points(points: Value, unit: ModelUnits) -> LoadTable | None:
     """Return the table of `points: [[t, F], ...]`; None after reporting an error."""
-    rows = points.read()
-    if rows is None:
+    rows = numbers_of_rows(points, 2)
+    if rows is None or len(rows) < 2:
+        points.read()  # reports the error
         return None
-    table = np.array(rows) * (1.0, unit.force)
+    table = rows * (1.0, unit.force)
     for k in _invalid_times(table[:, 0]):
         (points.items("points") or ())[k].fault(_TIME_ORDER.format(table[k, 0]))
         return None

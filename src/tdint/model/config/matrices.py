@@ -12,15 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.csv_table import read_rows
-from tdint.errors import ModelError
 from tdint.model.config.matrix_keys import MATRICES
+from tdint.model.config.number_tables import square_table
 from tdint.model.config.sections import ModelUnits
-from tdint.model.definition import Matrices, Matrix
+from tdint.model.definition import Matrices
 from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.nodes import ListNode
 from tdint.model.story import Story, column_name
 from tdint.model.story_laws import LINEAR
-from tdint.number_parsing import number_or_nan, pluralize
 
 MAX_ROWS = 2000
 """Maximum number of rows of a matrix model: a matrix of numbers of 8 bytes then takes 32 MB."""
@@ -59,7 +58,7 @@ def read_linear_stories(
             value.fault("cannot be used with `flexural` stories; give one of the two")
         stiffness = _read_matrix(value, unit.factor(force=1, length=-1), len(stories))
         _require_definite(value, stiffness, _numbers(len(stories)), _NO_STIFFNESS)
-        return Matrices(stiffness=_rows_of(stiffness))
+        return Matrices(stiffness=stiffness)
     if not all(flexural):
         section.value.fault(
             f"story {flexural.index(False) + 1} needs `flexural`: either all stories bend, or none"
@@ -105,7 +104,7 @@ def read_matrices(
     damping = (
         _read_matrix(damping_value, unit.factor(force=1, length=-1), count, diagonal=True)
         if damping_value
-        else np.zeros((0, 0))
+        else ()
     )
     if damping_value and section.has("damping"):
         damping_value.fault("cannot be used with `damping` of the model; give one of the two")
@@ -115,8 +114,7 @@ def read_matrices(
     if not any(influence):
         inner.value.fault("influence must not be zero in all rows")
     stories = tuple(Story(float(mass[i, i]), None, math.nan, LINEAR, 0.0) for i in range(len(mass)))
-    matrices = Matrices(_rows_of(stiffness), names, _rows_of(mass), _rows_of(damping), influence)
-    return matrices, stories
+    return Matrices(stiffness, names, mass, damping, influence), stories
 
 
 def _refuse_devices(section: Section, by: str) -> None:
@@ -136,11 +134,6 @@ def _fits(value: Value, count: int) -> bool:
 def _numbers(count: int) -> tuple[str, ...]:
     """Return the numbers of floors as names of rows."""
     return tuple(str(i) for i in range(1, count + 1))
-
-
-def _rows_of(matrix: Array) -> Matrix:
-    """Return a matrix as tuples."""
-    return tuple(map(tuple, matrix.tolist()))
 
 
 def _read_names(value: Value | None, count: int) -> tuple[str, ...]:
@@ -163,69 +156,29 @@ def _read_matrix(
     `count` is the number of rows, if it is known. With `diagonal`, a list of numbers is the
     diagonal.
     """
-    rows = _cells_of_file(value) if not value.is_list else _cells_of_list(value, diagonal)
-    failed = np.eye(count or 0)
-    if rows is None:
+    failed = np.eye(min(count or 0, MAX_ROWS))
+    items = value.node.items if isinstance(value.node, ListNode) else ()
+    if diagonal and items and not isinstance(items[0], ListNode):
+        if len(items) != count:
+            value.fault(f"must have {count} numbers, one per row, got {len(items)}")
+            return failed
+        entries = value.items("a list of numbers") or ()
+        rows: Array | None = np.diag([entry.number() for entry in entries])
+    else:
+        rows = square_table(value, count, MAX_ROWS, _LIST_OF_ROWS)
+    if rows is None or np.isnan(rows).any():  # the error has been reported
         return failed
-    if not rows and not count:
-        if not value.is_list:  # an empty list has been reported
-            value.fault("must contain at least one row")
-        return failed
-    count = count or len(rows)
-    short = next((i for i, row in enumerate(rows) if len(row) != count), None)
-    if len(rows) != count or short is not None:
-        found = pluralize(len(rows), "row")
-        if len(rows) == count and short is not None:
-            found = f"{pluralize(len(rows[short]), 'number')} in row {short + 1}"
-        value.fault(f"must have {count} rows of {count} numbers, got {found}")
-        return np.eye(count)
-    matrix = np.array(rows) * scale
-    if np.isnan(matrix).any():  # the error of this number has been reported
-        return np.eye(count)
+    matrix = rows * scale
     size = np.sqrt(np.abs(np.outer(np.diagonal(matrix), np.diagonal(matrix))))
     difference = np.abs(matrix - matrix.T)
     wrong = np.argwhere(difference > _ASYMMETRY * size)
     if len(wrong):
         i, j = wrong[0].tolist()
         value.fault(
-            f"must be symmetric; [{i + 1}, {j + 1}] is {rows[i][j]:.10g}, [{j + 1}, {i + 1}] is "
-            f"{rows[j][i]:.10g}"
+            f"must be symmetric; [{i + 1}, {j + 1}] is {rows[i, j]:.10g}, [{j + 1}, {i + 1}] is "
+            f"{rows[j, i]:.10g}"
         )
     return np.asarray(0.5 * (matrix + matrix.T))
-
-
-def _cells_of_list(value: Value, diagonal: bool) -> list[list[float]] | None:
-    """Return the rows of a list; None after an error in its form."""
-    items = value.items(_LIST_OF_ROWS, "must contain at least one row")
-    if items is None:
-        return None
-    if diagonal and not any(item.is_list for item in items):
-        return [list(row) for row in np.diag([item.number() for item in items])]
-    rows = [item.items("a row of numbers") for item in items]
-    if None in rows:
-        return None
-    return [[entry.number() for entry in row or ()] for row in rows]
-
-
-def _cells_of_file(value: Value) -> list[list[float]] | None:
-    """Return the rows of a CSV file; None after an error."""
-    path = value.file()
-    if path is None:
-        return None
-    try:
-        lines = read_rows(path, f"give {_LIST_OF_ROWS}")
-    except ModelError as error:
-        value.fault(str(error))
-        return None
-    rows = []
-    for line, cells in lines:
-        numbers = [number_or_nan(cell.strip()) for cell in cells]
-        if any(map(math.isnan, numbers)):
-            cell = cells[[math.isnan(number) for number in numbers].index(True)]
-            value.fault(f"{path}:{line}: must contain numbers only, got {cell.strip()!r:.40}")
-            return None
-        rows.append(numbers)
-    return rows
 
 
 def _require_definite(

@@ -305,7 +305,8 @@ class Keys(Sequence[str]):
 
 Parsed = TypeVar("Parsed")
 
-_NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+"""Text of a number in a model file."""
 _WHOLE_NUMBER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
 _NUMBER_HINTS = (
     (r"[+-]?0[0-9][0-9.eE+-]*", "; drop the leading zeros"),
@@ -397,7 +398,7 @@ class Value(NamedTuple):
         bounds = bounds or (self.type if isinstance(self.type, Bounds) else ANY)
         number = self._number_in_file(bounds)
         if not bounds.allow(number):
-            text = self._message_text_with_hint(_NUMBER, bounds)
+            text = self._message_text_with_hint(NUMBER, bounds)
             # The user may have written 5 instead of 5%. Suggest the percentage if it is valid.
             is_percentage = bounds.ratio and number > 1.0 and bounds.allow(0.01 * number)
             hint = f"; did you mean {self.word}%?" if is_percentage and "%" not in self.word else ""
@@ -418,7 +419,7 @@ class Value(NamedTuple):
             return int(text)
         limits = f"{low}" if low == high else f"a whole number from {low} to {high}"
         self.fault(
-            f"must be {limits}{bounds.description}, got {self._message_text_with_hint(_NUMBER)}"
+            f"must be {limits}{bounds.description}, got {self._message_text_with_hint(NUMBER)}"
         )
         return None
 
@@ -706,7 +707,7 @@ class Value(NamedTuple):
         text, divisor = self._plain_text(), "1"
         if bounds.ratio and isinstance(self.node, ScalarNode) and set(self.node.text) & set("%/"):
             text, divisor = ratio_parts(self.node.text)
-        if not (_NUMBER.fullmatch(text) and _NUMBER.fullmatch(divisor) and float(divisor)):
+        if not (NUMBER.fullmatch(text) and NUMBER.fullmatch(divisor) and float(divisor)):
             return math.nan
         return number_or_nan(text) / number_or_nan(divisor)
 

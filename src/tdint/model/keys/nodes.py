@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from array import array
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,7 +46,7 @@ class ListNode(NamedTuple):
 
     line: int
     column: int
-    items: tuple[Node, ...]
+    items: Sequence[Node]
 
 
 class MappingNode(NamedTuple):
@@ -56,6 +58,36 @@ class MappingNode(NamedTuple):
 
 
 Node = ScalarNode | ListNode | MappingNode
+
+
+class NumberRows(Sequence[Node]):
+    """Rows of numbers of a Python object, as the items of a list. A row becomes nodes only when it
+    is read: a table of forces has many thousands of numbers.
+
+    Attributes
+    ----------
+    data : array of float
+        The numbers, row by row.
+    columns : int
+        Numbers of each row, at least 1.
+    """
+
+    def __init__(self, data: array[float], columns: int) -> None:
+        self.data = data
+        self.columns = columns
+
+    def __len__(self) -> int:
+        return len(self.data) // self.columns
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return the row with an index, or a tuple of the rows of a slice."""
+        if isinstance(index, slice):
+            return tuple(self[k] for k in range(len(self))[index])
+        first = range(len(self))[index] * self.columns
+        numbers = self.data[first : first + self.columns]
+        # A whole number is written without a decimal point, as most users wrote it.
+        texts = (repr(number).removesuffix(".0") for number in numbers)
+        return ListNode(0, 0, tuple(ScalarNode(0, 0, text, plain=True) for text in texts))
 
 
 @dataclass(eq=False, repr=False)
@@ -108,6 +140,9 @@ def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
     """
     # Convert arrays and numbers of NumPy.
     if hasattr(value, "tolist"):
+        if getattr(value, "ndim", 0) == 2 and value.size and value.dtype.kind in "fiu":  # type: ignore[attr-defined]
+            data = array("d", value.astype(float).tobytes())  # type: ignore[attr-defined]
+            return ListNode(0, 0, NumberRows(data, value.shape[1]))  # type: ignore[attr-defined]
         value = value.tolist()
     if depth > MAX_DEPTH:
         faults.add(_NO_LOCATION, "", f"more than {MAX_DEPTH} nested levels; this is not a model")
@@ -118,8 +153,26 @@ def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
         )
         return MappingNode(0, 0, entries)
     if isinstance(value, list | tuple):
+        if rows := _number_rows(value):
+            return ListNode(0, 0, rows)
         return ListNode(0, 0, tuple(nodes_of(item, faults, depth + 1) for item in value))
     return _scalar(value, faults)
+
+
+def _number_rows(rows: Sequence[object]) -> NumberRows | None:
+    """Return a list of equally long rows of numbers; None for any other list."""
+    if not rows or {*map(type, rows)} - {list, tuple}:
+        return None
+    lengths = {*map(len, rows)}  # type: ignore[arg-type]
+    numbers: tuple[Any, ...] = tuple(chain.from_iterable(rows))  # type: ignore[arg-type]
+    types = {*map(type, numbers)}
+    is_number = bool not in types and all(issubclass(kind, int | float) for kind in types)
+    if len(lengths) > 1 or not numbers or not is_number:
+        return None
+    try:
+        return NumberRows(array("d", numbers), lengths.pop())
+    except OverflowError:  # an integer above 1.8e308
+        return None
 
 
 def text_of(node: Node) -> bytes:
@@ -145,9 +198,14 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
 
 
 def _as_lists(node: Node) -> Any:
-    """Return a node as nested lists: a mapping is a list of lists [key, value]."""
+    """Return a node as nested lists: a mapping is a list of lists [key, value]. Rows of numbers of
+    Python objects are represented by their SHA-256, because their text takes long."""
     if isinstance(node, MappingNode):
         return [[_as_lists(key), _as_lists(item)] for key, item in node.entries]
+    if isinstance(node, ListNode) and isinstance(node.items, NumberRows):
+        import hashlib  # most models do not come from Python objects
+
+        return [node.items.columns, hashlib.sha256(node.items.data).hexdigest()]
     if isinstance(node, ListNode):
         return [_as_lists(item) for item in node.items]
     return node.text

@@ -159,7 +159,9 @@ def digest_of(model: Model, method: str) -> str:
             for force in model.excitation.tables
         ],
     }
-    return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
+    # Matrices are arrays; JSON writes them as lists.
+    text = json.dumps([content, method], sort_keys=True, default=lambda matrix: matrix.tolist())
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @dataclass(frozen=True)
