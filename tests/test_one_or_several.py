@@ -1,5 +1,4 @@
-"""Functions accept one or several methods, time steps and records by the same names; older names
-cause warnings."""
+"""Functions accept one or several methods, time steps and records by the same names."""
 
 import sys
 
@@ -42,10 +41,9 @@ def test_several_time_steps_and_records():
     assert tdint.spectrum(RECORD, np.array([0.5])).psa.shape == (1,)
 
 
-def test_deprecated_names_cause_warning():
-    with pytest.warns(DeprecationWarning, match="register_law will be removed"):
-        assert callable(tdint.register_law)
-    assert "register_law" not in dir(tdint)
+def test_former_names_are_refused():
+    with pytest.raises(AttributeError, match="no attribute 'register_law'"):
+        tdint.register_law  # noqa: B018
     for call in (tdint.paper_examples, tdint.modes):
         with pytest.raises(tdint.TdintError, match="unexpected keyword argument 'methods'"):
             call([1], methods=["wilson"])

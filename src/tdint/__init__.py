@@ -43,55 +43,30 @@ at their first use, so that `import tdint` is fast; matplotlib is imported with 
 
 from __future__ import annotations
 
-import warnings
 from importlib import import_module
 from types import FunctionType
 from typing import Any
 
 from tdint.public_names import DEFINED_AS, PUBLIC
 from tdint.system import __version__ as __version__
-from tdint.tabular import FunctionPackage, Tabular
+from tdint.tabular import FunctionPackage, Tabular, WithTable
 
 # The modules that define results must not import the output layer, because the output layer imports
 # them. This module is above both layers, and gives the results their table and figure functions.
-Tabular.tables = lambda: import_module("tdint.output.to_dict")
+WithTable.tables = lambda: import_module("tdint.output.to_dict")
 Tabular.figures = lambda: import_module("tdint.output.plotting")
 Tabular._presentations = lambda: [
     import_module("tdint.studies.presentations").PRESENTATIONS,
     import_module("tdint.assessment.presentations").PRESENTATIONS,
 ]
 
-_OLD_NAMES = {
-    "compile": "compile_model",
-    "examples": "paper_examples",
-    "info": "record_info",
-    "init": "model_template",
-    "law": "cyclic_test",
-}
-"""Names in version 0.1 and their present names, for the message of an AttributeError."""
-
-_DEPRECATED = dict.fromkeys(
-    ("register_law", "register_method"), "load_plugin loads laws and methods from a file"
-)
-"""Deprecated names, which `dir(tdint)` omits, and their replacement."""
-
 
 def __getattr__(name: str) -> Any:
-    """Import a public name at its first use; public functions are wrapped by `validated_call`.
-
-    Deprecated names result in a DeprecationWarning, unknown names in an AttributeError.
-    """
+    """Import a public name at its first use; public functions are wrapped by `validated_call`."""
     if name == "__all__":
         return __dir__()
-    if name in _DEPRECATED:
-        warnings.warn(
-            f"tdint.{name} will be removed in the next release; {_DEPRECATED[name]}",
-            DeprecationWarning,
-            stacklevel=2,
-        )
     if name not in PUBLIC:
-        now = f"; it is {_OLD_NAMES[name]!r} now" if name in _OLD_NAMES else ""
-        raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")
+        raise AttributeError(f"module 'tdint' has no attribute {name!r}")
     value = getattr(import_module(PUBLIC[name]), DEFINED_AS.get(name, name))
     if not isinstance(value, FunctionType):
         return value
@@ -106,5 +81,5 @@ FunctionPackage.functions = __getattr__
 
 
 def __dir__() -> list[str]:
-    """Return the sorted public names without deprecated names."""
-    return sorted(["__version__", *(PUBLIC.keys() - _DEPRECATED.keys())])
+    """Return the sorted public names."""
+    return sorted(["__version__", *PUBLIC])

@@ -26,13 +26,11 @@ from tdint.ground_motion.reading.read import read_record as read_record
 from tdint.ground_motion.record import Record as Record
 from tdint.methods.catalogue import list_methods
 from tdint.methods.catalogue import load_plugin as load_plugin
-from tdint.methods.catalogue import register_method as register_method
 from tdint.methods.method import Integrator as Integrator
 from tdint.model.config.model_file import load_model as load_model
 from tdint.model.definition import Model as Model
 from tdint.model.first_model import model_template as model_template
 from tdint.model.modes import Modes as Modes
-from tdint.model.story_laws import register_law as register_law
 from tdint.output.plotting import plot as plot
 from tdint.output.tables.spectra import RecordInfo as RecordInfo
 from tdint.output.tables.spectra import record_info as record_info

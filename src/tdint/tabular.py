@@ -13,6 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -102,8 +103,36 @@ def progress_reporter(requested: bool | Progress, count: int, unit: str) -> Iter
         yield advance_bar
 
 
-class Tabular:
-    """Base class of results with a table.
+class Described:
+    """Base class of results with a description of one line, which `repr` returns."""
+
+    def _headline(self) -> str:
+        """Return the result in one line without the class name.
+
+        The default lists the numbers and texts of a dataclass, and the shapes of its arrays. Other
+        attributes are omitted.
+        """
+        parts = []
+        for item in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, item.name)
+            if isinstance(value, float | int | str) and item.repr:
+                text = f"{value:.4g}" if isinstance(value, float) else str(value)
+                parts.append(f"{item.name} {text}")
+            elif hasattr(value, "shape"):
+                parts.append(f"{item.name} {value.shape}")
+        return ", ".join(parts)
+
+    def __repr__(self) -> str:
+        text = f"<{type(self).__name__} {self._headline()}>"
+        return text if len(text) <= _LINE else f"{text[: _LINE - 4]}...>"
+
+
+_LINE = 200
+"""Maximum number of characters of a description, about two lines of a terminal."""
+
+
+class WithTable(Described):
+    """Base class of results with a table and without a figure.
 
     The columns are declared in the output layer, which imports the results; the results do not
     import the output layer. `tdint/__init__.py` therefore sets the names of its modules.
@@ -112,17 +141,9 @@ class Tabular:
     ----------
     tables : str
         Name of the module with `to_dict`, `to_html` and `to_parquet`.
-    figures : str
-        Name of the module with `plot`.
     """
 
     tables: ClassVar[Callable[[], Any]]
-    figures: ClassVar[Callable[[], Any]]
-    _presentations: ClassVar[Callable[[], list[Any]]]
-
-    def _headline(self) -> str:
-        """Return the result in one line without the class name, for `repr` and the HTML caption."""
-        raise NotImplementedError
 
     def to_dict(self, units: str = "") -> dict[str, Any]:
         """Return the columns of the table as arrays by name.
@@ -187,6 +208,23 @@ class Tabular:
         """
         type(self).tables().to_parquet(self, file)
 
+    def _repr_html_(self) -> str:
+        """Return a caption and the first rows as HTML, for notebooks."""
+        return str(type(self).tables().to_html(self, self._headline()))
+
+
+class Tabular(WithTable):
+    """Base class of results with a table and a figure.
+
+    Attributes
+    ----------
+    figures : str
+        Name of the module with `plot`.
+    """
+
+    figures: ClassVar[Callable[[], Any]]
+    _presentations: ClassVar[Callable[[], list[Any]]]
+
     @overload
     def plot(self, ax: None = None, units: str = "") -> Figure: ...
 
@@ -215,13 +253,6 @@ class Tabular:
         """
         result: Figure | Axes = type(self).figures().plot(self, ax=ax, units=units)
         return result
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self._headline()}>"
-
-    def _repr_html_(self) -> str:
-        """Return a caption and the first rows as HTML, for notebooks."""
-        return str(type(self).tables().to_html(self, self._headline()))
 
 
 Member = TypeVar("Member")

@@ -191,7 +191,7 @@ def test_acceleration_peaks_at_yielding_are_found():
         )
         errors[parts] = np.max(np.abs(response.stories.peak_absolute_acceleration / truth - 1.0))
         at_steps = np.max(
-            np.abs(np.max(np.abs(response.history.acceleration), axis=0) / truth - 1.0)
+            np.abs(np.max(np.abs(response.history.absolute_acceleration), axis=0) / truth - 1.0)
         )
         assert errors[parts] < 0.1 * at_steps
     assert errors[2] < 0.3 * errors[1]

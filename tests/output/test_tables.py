@@ -148,7 +148,7 @@ def test_history(monkeypatch, stories, rows_at_once):
     histories.write_history([response_history], stream)
     rows = read(stream.getvalue())
     floors = (("displacement", "displacement_m"), ("velocity", "velocity_m_s"))
-    floors += (("acceleration", "absolute_acceleration_m_s2"),)
+    floors += (("absolute_acceleration", "absolute_acceleration_m_s2"),)
     springs = (("drift", "drift_m"), ("shear", "shear_N"), ("damper_force", "damper_force_N"))
     springs += (("total_shear", "total_shear_N"),)
     header, columns = (

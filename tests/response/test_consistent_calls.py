@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.response.runs.many_results import HISTORY_FIELDS
+from tdint.response.runs.history import HISTORIES
 
 LAW = {"type": "bilinear", "yield_force": 2e5, "hardening": 0.05}
 STORY = {"mass": 1e5, "height": 3.0, "stiffness": 1e8, "law": LAW}
@@ -32,9 +32,9 @@ def test_history_true_stores_all_quantities():
     # The history of a single run also contains its motion after the record.
     rows = runs.history["drift"].shape[1]
     assert rows == 200 < len(response.history.time)
-    assert set(runs.history) == set(HISTORY_FIELDS)
+    assert set(runs.history) == set(HISTORIES)
     for name, kept in runs.history.items():
-        assert np.array_equal(kept[0], getattr(response.history, HISTORY_FIELDS[name])[:rows]), name
+        assert np.array_equal(kept[0], getattr(response.history, name)[:rows]), name
     assert not tdint.run_many(MODEL, RECORD, history=False).history
     with pytest.raises(tdint.TdintError, match=r"history .*True.*False, got 'drift'"):
         tdint.run(MODEL, RECORD, history="drift")

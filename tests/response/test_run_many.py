@@ -9,7 +9,7 @@ import tdint
 from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.model.definition import RayleighRatio
-from tdint.response.runs.many_results import HISTORY_FIELDS
+from tdint.response.runs.history import HISTORIES
 from tdint.response.runs.outcome import STORY_QUANTITIES, FailedRun
 from tdint.units import STANDARD_GRAVITY
 
@@ -55,7 +55,7 @@ def runs():
         RECORDS,
         scales=SCALES,
         method="newmark-average",
-        history=tuple(HISTORY_FIELDS),
+        history=tuple(HISTORIES),
         jobs=2,
     )
 
@@ -82,9 +82,9 @@ def test_each_run_equals_single_run(runs):
                 getattr(runs.stories, quantity.name)[i, :n], getattr(single.stories, quantity.name)
             )
             assert np.isnan(getattr(runs.stories, quantity.name)[i, n:]).all()
-        for name, attribute in HISTORY_FIELDS.items():
+        for name in HISTORIES:
             # The history of a single run includes the motion after the record.
-            expected = getattr(single.history, attribute)[: RECORDS[record].acceleration.size]
+            expected = getattr(single.history, name)[: RECORDS[record].acceleration.size]
             np.testing.assert_array_equal(
                 runs.history[name][i, : len(expected), :n], expected, err_msg=name
             )
@@ -115,7 +115,7 @@ def test_histories_of_building_with_attachments_are_those_of_floors():
     found = tdint.run_many(building, RECORDS[0], method="impulse4", history=True)
     single = tdint.run(building, RECORDS[0], method="impulse4", history=True)
     for name, kept in found.history.items():
-        values = getattr(single.history, HISTORY_FIELDS[name])[: kept.shape[1]]
+        values = getattr(single.history, name)[: kept.shape[1]]
         np.testing.assert_array_equal(kept[0, : len(values)], values)
 
 

@@ -168,7 +168,7 @@ def _transfer(model: Model, source: str, outputs: Outputs, units_of_page: Output
             f"--transfer must be {_GROUND}, or a floor from 1 to {floors} for a force on this "
             f"floor, got {source!r:.40}"
         )
-    result = transfer_function(model, source if source == _GROUND else int(source))
+    result = transfer_function(model, source=source if source == _GROUND else int(source))
     warnings = []
     if not result.is_damped:
         warnings.append(

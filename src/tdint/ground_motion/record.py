@@ -239,6 +239,11 @@ class Record(Tabular):
         return (self.acceleration.size - 1) * self.dt
 
     @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples from 0 at the first sample, s, shape (samples,)."""
+        return np.asarray(self.dt * np.arange(self.acceleration.size), np.float64)
+
+    @property
     def pga(self) -> float:
         """Peak ground acceleration, m/s^2: the maximum absolute value of the samples."""
         return max_absolute(self.acceleration)

@@ -21,6 +21,7 @@ from tdint.kernels.stepping import STEP
 from tdint.methods.method import Integrator, Method
 from tdint.model.plugins import (
     LOG,
+    SAVE_IT,
     Origin,
     check_name,
     declared,
@@ -237,6 +238,8 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
         The file does not exist or is invalid. The message is one line with the file and, if known,
         the line number.
     """
+    if not isinstance(file, str | os.PathLike):
+        raise UsageError(f"load_plugin: a plug-in is a file, got {type(file).__name__}; {SAVE_IT}")
     file = os.fspath(file)
     module = module_of(file)
     if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS", "MEASURES")):

@@ -7,11 +7,13 @@ problems that are part of tdint, and models with changed parameters, for sweeps 
 from __future__ import annotations
 
 import math
+import pathlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.errors import UsageError
+from tdint.files import STDIN
 from tdint.ground_motion.choice import RecordChoice
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.model.story import Path, Story, spring_label, story_with_numbers
@@ -378,6 +380,8 @@ class Model:
     matrices : Matrices | None
         Matrices of a linear model, which replace the springs of the stories: their stiffness is
         nan. Rows that are not floors are stories without a height.
+    document : Node | None
+        Nodes of the model file (`tdint.model.keys.nodes`), for `to_dict`.
     """
 
     name: str
@@ -403,6 +407,45 @@ class Model:
     attachments: tuple[Attachment, ...] = ()
     links: tuple[Link, ...] = ()
     matrices: Matrices | None = None
+    document: Any = field(default=None, compare=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the model file, which `load_model` accepts.
+
+        Numbers are in the units of the file. Paths of records, inventories and forces refer to the
+        working directory.
+
+        Returns
+        -------
+        dict
+            Mappings, lists, numbers and text.
+
+        Raises
+        ------
+        UsageError
+            The model was not read from a file or a mapping, or parameters were changed afterwards.
+        """
+        # Imported here, because only this method reads a file again.
+        from tdint.model.keys.fields import resolve
+        from tdint.model.keys.nodes import plain_values
+
+        if self.document is None or self.varied_parameters:
+            raise UsageError(
+                f"{self.name} has changed parameters, which its file does not state; change the "
+                "content of the model before load_model"
+                if self.varied_parameters
+                else f"{self.name} was not read from a file or a mapping"
+            )
+        content: dict[str, Any] = plain_values(self.document)
+        excitation = content.get("excitation") or {}
+        record, folder = excitation.get("record"), pathlib.Path(self.source).parent
+        if isinstance(record, str) and record != STDIN:
+            excitation["record"] = resolve(record, folder)
+        for files in (record, *(excitation.get("forces") or ())):
+            for name in ("file", "inventory"):
+                if isinstance(files, dict) and files.get(name, STDIN) != STDIN:
+                    files[name] = resolve(files[name], folder)
+        return content
 
     @property
     def rows(self) -> tuple[str, ...]:

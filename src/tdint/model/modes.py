@@ -61,6 +61,17 @@ class Modes(Tabular):
         return f"of {pluralize(self.omega.size, 'floor')}, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
 
     @property
+    def period(self) -> Array:
+        """Periods, s, shape (n,); infinite for a mode without stiffness."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(2.0 * math.pi / self.omega)
+
+    @property
+    def frequency(self) -> Array:
+        """Frequencies, Hz, shape (n,)."""
+        return np.asarray(self.omega / (2.0 * math.pi))
+
+    @property
     def _projection(self) -> Array:
         """Participation factors phi^T M r of the stored shapes; r is 1 for a building."""
         return np.asarray((self.mass if self.load is None else self.load) @ self.shapes)

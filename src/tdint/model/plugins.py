@@ -25,6 +25,13 @@ from tdint.public_names import PLUGIN
 
 LOG = logging.getLogger("tdint")
 
+SAVE_IT = (
+    "save the definition to a file (in a notebook, `%%writefile my_law.py` as the first line of "
+    'its cell, with LAWS = (LAW,) at its end), load it with tdint.load_plugin("my_law.py"), and '
+    "use its name"
+)
+"""Remedy for a law or a method that a notebook defines: compiled loops are built from files."""
+
 NAME = r"[a-z][a-z0-9]*([-_][a-z0-9]+)*"
 """Allowed names of methods and laws. They are used in specifications, labels and file names."""
 

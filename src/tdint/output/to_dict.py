@@ -168,9 +168,7 @@ def to_xarray(runs: Runs) -> Any:
 RUN_COORDINATES = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
 """Coordinates of a run in addition to its number."""
 
-_HISTORY_UNITS = {
-    quantity.called or quantity.name: quantity.unit for quantity in quantities(History)
-}
+_HISTORY_UNITS = {quantity.name: quantity.unit for quantity in quantities(History)}
 
 
 def to_html(result: Any, caption: str) -> str:

@@ -19,11 +19,11 @@ from tdint.model.plausibility import long_step, plausibility_warnings
 from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyModel, model_of, model_record
 from tdint.response.time_steps import moves_without_record
-from tdint.tabular import Tabular
+from tdint.tabular import WithTable
 
 
 @dataclass(frozen=True, repr=False)
-class Overview(Tabular):
+class Overview(WithTable):
     """Summary of a model.
 
     Attributes

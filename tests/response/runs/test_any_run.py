@@ -150,7 +150,7 @@ def check_response(response):
     for values in (
         history.displacement,
         history.velocity,
-        history.acceleration,
+        history.absolute_acceleration,
         history.drift,
         history.shear,
         *vars(history.energy).values(),

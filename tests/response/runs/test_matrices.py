@@ -151,7 +151,9 @@ def test_matrix_of_a_chain_has_its_modes_transfer_functions_and_design_spectra()
     np.testing.assert_allclose(second.mass_ratio, first.mass_ratio, rtol=1e-7)
     frequency = np.array([0.3, 1.0, 2.5])
     for source in ("ground", 2):
-        one, other = (transfer_function(m, source, frequency).response for m in (chain, matrix))
+        one, other = (
+            transfer_function(m, frequency, source=source).response for m in (chain, matrix)
+        )
         np.testing.assert_allclose(other, one, rtol=1e-9)
     target = "asce7:sds=1,sd1=0.5,tl=8"
     one, other = (response_spectrum_analysis(model, target) for model in (chain, matrix))

@@ -38,7 +38,7 @@ def test_total_shear_is_sum_of_parts_and_of_inertia_forces(method):
     response = run(model, method=method, history=True, duration=12.0)
     history, stories = response.history, response.stories
     mass = np.array([story.mass for story in model.stories])
-    moved = -np.cumsum((mass * history.acceleration)[:, ::-1], axis=1)[:, ::-1]
+    moved = -np.cumsum((mass * history.absolute_acceleration)[:, ::-1], axis=1)[:, ::-1]
     size = np.max(np.abs(moved))
     np.testing.assert_allclose(history.total_shear, moved, atol=1e-12 * size)
     np.testing.assert_allclose(history.total_shear, sum_of_shears(model, history), atol=1e-9 * size)

@@ -203,4 +203,4 @@ def test_studies_of_chains_refuse_devices():
     with pytest.raises(UsageError, match="pushover does not support springs between floors"):
         tdint.pushover(model, "20mm")
     with pytest.raises(UsageError, match="does not support attachments and links"):
-        tdint.transfer_function(model, "ground")
+        tdint.transfer_function(model, source="ground")

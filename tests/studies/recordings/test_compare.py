@@ -83,7 +83,7 @@ def recorded_model(tmp_path):
     base = noise(1) - np.median(noise(1))
     record = Record(base, DT, "", "", "", "noise")
     history = run_case(prepare(model, record, method="exact"), history=True).history
-    motions = {f"floor_{i + 1}": history.acceleration[:, i] for i in range(3)}
+    motions = {f"floor_{i + 1}": history.absolute_acceleration[:, i] for i in range(3)}
     displacements = {f"floor_{i + 1}": history.displacement[:, i] for i in range(3)}
 
     def write(name="event.csv", dt=DT, start=0.0, **columns):
@@ -481,7 +481,7 @@ def test_common_stiffness_factor_is_fitted_to_roof_sensor(recorded_model):
         history = run_case(
             prepare(recorded_model.model, record, method="exact"), history=True
         ).history
-        recorded_model.write(base_m_s2=base, floor_3_m_s2=history.acceleration[:, 2])
+        recorded_model.write(base_m_s2=base, floor_3_m_s2=history.absolute_acceleration[:, 2])
         event = recorded_model.event(
             f"base: {sensor('base_m_s2')}\nfloors: {{roof: {sensor('floor_3_m_s2')}}}\n"
         )
@@ -516,7 +516,8 @@ def test_fit_on_bound_is_reported(recorded_model):
     record = Record(recorded_model.base, DT, "", "", "", "noise")
     history = run_case(prepare(bare, record, method="exact"), history=True).history
     recorded_model.usual(
-        floor_1_m_s2=history.acceleration[:, 0], floor_3_m_s2=history.acceleration[:, 2]
+        floor_1_m_s2=history.absolute_acceleration[:, 0],
+        floor_3_m_s2=history.absolute_acceleration[:, 2],
     )
     found = fit(
         replace(recorded_model.model, damping=ModalDamping((0.02,))),

@@ -344,7 +344,7 @@ def reference(
         history.time[::finer],
         history.displacement[::finer],
         history.velocity[::finer],
-        history.acceleration[::finer],
+        history.absolute_acceleration[::finer],
     )
 
 

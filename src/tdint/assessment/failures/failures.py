@@ -290,7 +290,7 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     def acceleration_error(history: History) -> float:
         """Return the maximum error in the second half of the acceleration of floor 1, m/s^2."""
         exact = -(_DRIVE**2) * np.sin(_DRIVE * history.time)
-        return _second_half(history, history.acceleration[:, 0] - exact)
+        return _second_half(history, history.absolute_acceleration[:, 0] - exact)
 
     def displacement_error(history: History) -> float:
         """Return the maximum error of the displacement of floor 2, m."""

@@ -69,7 +69,7 @@ _ROUNDING = 3e-12  # error relative to the maximum motion, below which it is a r
 _COMPARED_STEPS = (40, 90, 130, 170, 200)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ObservedOrder(Tabular):
     """Errors for a sequence of time steps, and the observed orders.
 

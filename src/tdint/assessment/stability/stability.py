@@ -69,7 +69,7 @@ def for_methods(
     return map_over_first(function)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StabilityCurve(Tabular):
     """Properties of one time step of an undriven oscillator; arrays of shape (k,).
 
@@ -346,7 +346,7 @@ nonlinear motion.
 """
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Overshoot(Tabular):
     """First steps from one initial condition; arrays of shape (steps + 1,) including the start.
 

@@ -102,7 +102,7 @@ def cases_of(
     return tuple(cases)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ValidationResult:
     """Result of a validation case.
 

@@ -553,6 +553,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         attachments=attachments,
         links=links,
         matrices=matrices,
+        document=section.value.node,
     )
     # Standard input can be read only one time: it cannot contain both the model and the record.
     record = model.excitation.record

@@ -11,6 +11,7 @@ import json
 import os
 from array import array
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -175,6 +176,24 @@ def _number_rows(rows: Sequence[object]) -> NumberRows | None:
         return None
 
 
+def plain_values(node: Node) -> Any:
+    """Return a node as mappings, lists, numbers and text, for `nodes_of`.
+
+    Text without quotation marks that is a number becomes a number.
+    """
+    if isinstance(node, MappingNode):
+        return {plain_values(key): plain_values(item) for key, item in node.entries}
+    if isinstance(node, ListNode):
+        return [plain_values(item) for item in node.items]
+    words = {"null": None, "true": True, "false": False}
+    if not node.plain or node.text in words:
+        return words.get(node.text, node.text) if node.plain else node.text
+    for number in (int, float):
+        with suppress(ValueError):
+            return number(node.text)
+    return node.text
+
+
 def text_of(node: Node) -> bytes:
     """Return the nodes as JSON (see `_as_lists`), for the SHA-256 of a model without a file."""
     return json.dumps(_as_lists(node), ensure_ascii=True).encode()
@@ -189,10 +208,16 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
         return ScalarNode(0, 0, repr(value), plain=True)
     if isinstance(value, str | os.PathLike):
         return ScalarNode(0, 0, os.fspath(value), plain=False)
+    # A law object has its functions as an attribute.
+    remedy = ""
+    if hasattr(value, "functions"):
+        from tdint.model.plugins import SAVE_IT
+
+        remedy = f"; {SAVE_IT}"
     faults.add(
         _NO_LOCATION,
         "",
-        f"a model contains mappings, lists, numbers and text, not {type(value).__name__}",
+        f"a model contains mappings, lists, numbers and text, not {type(value).__name__}{remedy}",
     )
     raise faults.error()
 

@@ -131,7 +131,7 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
     `end` is the time of the end of the run, s.
     """
     motion, unit = units.of(record.acceleration, "m/s^2"), units.label("m/s^2")
-    time = record.dt * np.arange(motion.size)
+    time = record.time
     if end > time[-1]:
         # The ground comes to rest within one sampling interval after the record.
         time = np.append(time, [time[-1] + record.dt, end])

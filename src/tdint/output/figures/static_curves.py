@@ -393,7 +393,7 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
 
 def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
     """Plot the acceleration of a record over the time in a panel with its peak as text."""
-    time = np.arange(record.acceleration.size) * record.dt
+    time = record.time
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.set(
@@ -409,7 +409,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     """
     record, measures = info.record, info.measures
     motion = integrate(record)
-    time = np.arange(record.acceleration.size) * record.dt
+    time = record.time
     peaks = (measures.pga, measures.pgv, measures.pgd)
     motions = (record.acceleration, motion.velocity, motion.displacement)
     for axes, values, peak, si in zip(column, motions, peaks, MOTION.values(), strict=False):

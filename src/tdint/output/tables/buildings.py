@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.model.building import period
 from tdint.model.story import column_name
 from tdint.model.story_laws import default_numbers, named_parameters
 from tdint.output.tables.table import (
@@ -295,8 +294,8 @@ OVERVIEW_WITH_DAMPERS = (
 
 MODE = (
     Column("mode", "1", numbered("omega"), "mode number, from the longest period"),
-    Column("period_s", "s", lambda modes: np.array([*map(period, modes.omega)]), "natural period"),
-    Column("frequency_hz", "Hz", lambda modes: modes.omega / (2.0 * math.pi), "natural frequency"),
+    Column.named("period", "natural period", "s"),
+    Column("frequency_hz", "Hz", "frequency", "natural frequency"),
 )
 MODE_END = (
     Column.named("participation", "participation factor for unit roof displacement"),

@@ -74,7 +74,14 @@ COLUMNS = tuple(chain.from_iterable(chain(*TABLES)))
 """All columns of both tables."""
 
 _HISTORY = {quantity.name: quantity for quantity in quantities(History)}
-_ATTACHMENT_SERIES = ("displacement", "velocity", "acceleration", "drift", "shear", "damper_force")
+_ATTACHMENT_SERIES = (
+    "displacement",
+    "velocity",
+    "absolute_acceleration",
+    "drift",
+    "shear",
+    "damper_force",
+)
 _LINK_SERIES = {"drift": "deformation_m", "shear": "force_N", "damper_force": "damper_force_N"}
 
 

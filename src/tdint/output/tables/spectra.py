@@ -103,12 +103,7 @@ MOTION = (
 """Columns of ground motions after processing and scaling."""
 
 SAMPLES: tuple[Column, ...] = (
-    Column(
-        "time_s",
-        "s",
-        lambda record: record.dt * np.arange(record.acceleration.size),
-        "time from the first sample",
-    ),
+    Column.named("time", "time from the first sample", "s"),
     Column.named("acceleration", "ground acceleration", "m/s^2"),
 )
 """Columns of a record."""

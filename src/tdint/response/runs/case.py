@@ -64,6 +64,7 @@ from tdint.response.runs.prepared import (
     element_results,
 )
 from tdint.response.time_steps import Steps, choose_steps, moves_without_record
+from tdint.tabular import Described
 
 if TYPE_CHECKING:
     from tdint.response.runs.history import History
@@ -110,8 +111,8 @@ back from its peak.
 _REMEDY = "use a smaller step or another method"
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+@dataclass(frozen=True, eq=False, repr=False)
+class Case(Described):
     """Building, ground motion and method of a run, without its time steps.
 
     The building is prepared one time. Cases with different ground motions, scales or methods share
@@ -141,6 +142,10 @@ class Case:
     method: Integrator
     allow_unstable: bool = False
     remarks: tuple[str, ...] = ()
+
+    def _headline(self) -> str:
+        motion = f"under {self.record.name}" if self.record else "without ground motion"
+        return f"of {self.model.name!r} {motion}, {self.method.label}"
 
     @property
     def building(self) -> Building:

@@ -10,7 +10,7 @@ from tdint.arrays import Array
 from tdint.model.building import element_yield_drifts
 from tdint.model.definition import Model
 from tdint.number_parsing import pluralize
-from tdint.tabular import Tabular
+from tdint.tabular import WithTable
 from tdint.units import Quantity, quantities
 
 _ROUNDING = 1e-12
@@ -35,7 +35,7 @@ ELEMENT_QUANTITIES = quantities(ElementValues)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ElementPeaks(Tabular, ElementValues):
+class ElementPeaks(WithTable, ElementValues):
     """Results of the elements of stories with several elements, one value per element.
 
     Attributes

@@ -5,11 +5,13 @@ from functools import reduce
 from operator import add
 from typing import Annotated, Generic, TypeVar
 
+from tdint.tabular import Described
+
 Amount = TypeVar("Amount")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EnergyTerms(Generic[Amount]):
+class EnergyTerms(Described, Generic[Amount]):
     """Energy terms, J: one field per row of `tdint.kernels.time_loop.observer`, in its order."""
 
     input: Annotated[Amount, "work of the load on the motion relative to the ground"]
@@ -27,7 +29,7 @@ ENERGY_TERMS: dict[str, str] = {
 """Description of each term by its name, which is also the name of columns and keys."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Energy(EnergyTerms[float]):
     """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990,
     relative energy).

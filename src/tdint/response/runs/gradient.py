@@ -33,7 +33,8 @@ from tdint.response.runs.error_estimate import (
     factors,
     shorter_steps,
 )
-from tdint.response.runs.many_results import HISTORY_FIELDS, SCALE, Runs, RunSpec
+from tdint.response.runs.history import HISTORIES
+from tdint.response.runs.many_results import SCALE, Runs, RunSpec
 from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
 
 SIZE = 1e-4
@@ -214,7 +215,7 @@ def gradient_of(
     # The index None adds the axis of the runs, with a single run.
     peaks = each_array(itemgetter(None), response.stories)
     history = (
-        {name: getattr(response.history, field)[None] for name, field in HISTORY_FIELDS.items()}
+        {name: getattr(response.history, name)[None] for name in HISTORIES}
         if response.history
         else {}
     )
@@ -243,7 +244,7 @@ def differentiate(
         Peaks of all runs, shape (runs, n), SI units.
     history : mapping of str to ndarray, shape (runs, rows, n)
         Histories of all runs that were kept, every N-th step (`every`), by the names of
-        `HISTORY_FIELDS`.
+        `HISTORIES`.
     names : sequence of str
         Parameters, as in `vary` of `run_many`.
     """

@@ -16,7 +16,7 @@ from tdint.model.force_arrays import add_force_history
 from tdint.model.story import column_name
 from tdint.number_parsing import pluralize
 from tdint.response.runs.energy import ENERGY_TERMS, EnergyTerms
-from tdint.tabular import Tabular
+from tdint.tabular import Described, WithTable
 from tdint.units import Quantity
 
 Loads = tuple[Array, Array]
@@ -30,8 +30,8 @@ Its arguments are the building, the forces on its floors, the times of the rows 
 """
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorHistory(Described):
     """Estimated error at all time steps, true minus computed value, shape (steps + 1, n).
 
     The true value is estimated by the additional run for the error estimate.
@@ -47,8 +47,8 @@ class ErrorHistory:
     shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
 
-@dataclass(frozen=True, eq=False)
-class DeviceHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class DeviceHistory(Described):
     """Response histories of attachments and then links, shape (steps + 1, devices), SI units.
 
     The drift is the deformation. Of links, only `drift`, `shear` and `damper_force` have a meaning.
@@ -59,13 +59,13 @@ class DeviceHistory:
     links: tuple[str, ...]
     displacement: Array
     velocity: Array
-    acceleration: Array
+    absolute_acceleration: Array
     drift: Array
     shear: Array
     damper_force: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EnergyHistory(EnergyTerms[Array]):
     """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
 
@@ -76,7 +76,7 @@ class EnergyHistory(EnergyTerms[Array]):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class History(Tabular):
+class History(WithTable):
     """Response history at all time steps.
 
     `time` and `ground_acceleration` have the shape (steps + 1,), the other fields (steps + 1, n).
@@ -91,7 +91,7 @@ class History(Tabular):
         Acceleration of the ground, m/s^2.
     displacement, velocity : ndarray, shape (steps + 1, n)
         Motion of the floors relative to the ground, m and m/s.
-    acceleration : ndarray, shape (steps + 1, n)
+    absolute_acceleration : ndarray, shape (steps + 1, n)
         Absolute accelerations of the floors from equilibrium, m/s^2.
     drift : ndarray, shape (steps + 1, n)
         Displacements relative to the floor below, m.
@@ -121,11 +121,8 @@ class History(Tabular):
     ]
     displacement: Annotated[Array, Quantity("m", "relative to the ground", shown=("floor",))]
     velocity: Annotated[Array, Quantity("m/s", "relative to the ground", shown=("floor",))]
-    acceleration: Annotated[
-        Array,
-        Quantity(
-            "m/s^2", "absolute, from equilibrium", shown=("floor",), called="absolute_acceleration"
-        ),
+    absolute_acceleration: Annotated[
+        Array, Quantity("m/s^2", "absolute, from equilibrium", shown=("floor",))
     ]
     drift: Annotated[Array, Quantity("m", "relative to the floor below", shown=("story",))]
     shear: Annotated[
@@ -237,7 +234,7 @@ def _device_history(building: Building, series: dict[str, Array]) -> DeviceHisto
         links=tuple(column_name(item.name) for item in building.links),
         **{
             name: series[name][:, part] * (signs if name in signed else 1.0)
-            for name in ("displacement", "velocity", "acceleration", *signed)
+            for name in ("displacement", "velocity", "absolute_acceleration", *signed)
         },
     )
 
@@ -326,7 +323,7 @@ def _damper_force(building: Building, loads: Loads, time: Array, table: Array) -
 HISTORIES: dict[str, FieldFunction] = {
     "displacement": _stored_field(_DISPLACEMENT_FIELD),
     "velocity": _stored_field(_VELOCITY_FIELD),
-    "acceleration": _absolute_acceleration,
+    "absolute_acceleration": _absolute_acceleration,
     "drift": _floor_difference(_DISPLACEMENT_FIELD),
     "shear": _stored_field(_SHEAR_FIELD),
     "damper_force": _damper_force,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,7 +27,6 @@ from tdint.response.runs.outcome import (
 from tdint.response.time_steps import Steps
 from tdint.system import available_memory
 from tdint.tabular import Tabular
-from tdint.units import quantities
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -37,17 +36,8 @@ if TYPE_CHECKING:
 SCALE = "record.scale"
 """Name in `vary` that is not a parameter of the building: factor on the ground motion."""
 
-HISTORY_FIELDS = {
-    quantity.called or quantity.name: quantity.name
-    for quantity in quantities(History)
-    if quantity.name in HISTORIES
-}
-"""Quantities of a history that can be kept: field of `History` by the name of its column without
-the unit.
-"""
 
-
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Runs(Tabular):
     """Results of many runs. The first axis of the arrays is the run.
 
@@ -109,6 +99,20 @@ class Runs(Tabular):
     varied: dict[str, Array] = field(default_factory=dict)
     gradient: Gradient | None = None
     warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.model)
+
+    def __getitem__(self, index: int | slice | Sequence[int]) -> Runs:
+        """Return some of the runs: one run for an integer, which also counts from the end if it is
+        negative. The arrays of the result keep the axis of the runs."""
+        numbers = np.atleast_1d(np.arange(len(self))[index])
+        runs = numbers.tolist()
+        arrays = {
+            name: each_array(itemgetter(numbers), getattr(self, name)) for name in _ARRAYS_OF_RUNS
+        }
+        failures = {i: self.failures[run] for i, run in enumerate(runs) if run in self.failures}
+        return replace(self, failures=failures, **arrays)
 
     @property
     def time(self) -> Array:
@@ -302,6 +306,13 @@ class Runs(Tabular):
         return f"{len(self.model)} of {buildings} under {records}{kept}{lost}{first}"
 
 
+_ARRAYS_OF_RUNS = (
+    *("model", "record", "scale", "dt", "steps", "status", "energy_error", "stories", "history"),
+    *("errors", "corrected", "varied", "gradient"),
+)
+"""Attributes of `Runs` with arrays whose first axis is the run."""
+
+
 def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
     """Return the names of the requested history quantities without duplicates; all for True.
 
@@ -311,13 +322,13 @@ def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
         A quantity is unknown.
     """
     if isinstance(history, bool | np.bool_):
-        return tuple(HISTORY_FIELDS) if history else ()
+        return tuple(HISTORIES) if history else ()
     names = (history,) if isinstance(history, str) else tuple(history)
     for name in names:
-        if name not in HISTORY_FIELDS:
+        if name not in HISTORIES:
             raise UsageError(
-                f"unknown quantity {name!r}{did_you_mean(str(name), HISTORY_FIELDS)} (known: "
-                f"{', '.join(HISTORY_FIELDS)})"
+                f"unknown quantity {name!r}{did_you_mean(str(name), HISTORIES)} (known: "
+                f"{', '.join(HISTORIES)})"
             )
     return tuple(dict.fromkeys(names))
 
@@ -398,7 +409,7 @@ def store_history(result: Runs, number: int, history: History | None) -> None:
     for name, array in result.history.items():
         array[number] = math.nan
         if history:
-            rows = getattr(history, HISTORY_FIELDS[name])[:: result.every]
+            rows = getattr(history, name)[:: result.every]
             kept = rows[: array.shape[1]]  # without the motion after the record
             array[number, : len(kept), : rows.shape[1]] = kept
 

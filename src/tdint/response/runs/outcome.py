@@ -12,7 +12,7 @@ from tdint.arrays import Array, each_array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.number_parsing import first_warning, pluralize
-from tdint.tabular import Tabular
+from tdint.tabular import Described, Tabular, WithTable
 from tdint.units import Quantity, quantities
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
     return lambda building, peaks, end: peaks[..., row, :]
 
 
-@dataclass(frozen=True, eq=False)
-class StoryValues:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryValues(Described):
     """One value of each quantity for each story, or for the floor above it.
 
     The arrays have the shape (n,), or (runs, n) for several runs. A field defines a quantity
@@ -147,7 +147,7 @@ def story_values(building: "Building", peaks: Array, end: Array) -> dict[str, Ar
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StoryPeaks(Tabular, StoryValues):
+class StoryPeaks(WithTable, StoryValues):
     """Peaks of a run.
 
     Peaks between time steps are included. Displacements, drifts and velocities are searched on the
@@ -195,6 +195,10 @@ class StoryErrors(StoryValues):
     """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
     units; nan if unknown.
     """
+
+    def _headline(self) -> str:
+        largest = np.nanmax(self.peak_drift, initial=0.0)
+        return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, drifts {largest:.2g} m"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -275,8 +279,8 @@ class StepChoice(NamedTuple):
     solves_at_record: int | None
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorEstimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorEstimate(Described):
     """Error estimate of a run from one additional run (`tdint.response.runs.error_estimate`).
 
     Attributes
@@ -309,6 +313,11 @@ class ErrorEstimate:
     step_choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
     elements: "ElementValues | None" = None
+
+    def _headline(self) -> str:
+        if self.drift_error is None:
+            return "without an estimate"
+        return f"by {self.method}: drifts {self.drift_error:.2g} (story {self.drift_story})"
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> "ErrorEstimate":

@@ -34,7 +34,6 @@ from tdint.response.runs.batch import Subject, run_batch, samples_of
 from tdint.response.runs.gradient import differentiate
 from tdint.response.runs.history import HISTORIES
 from tdint.response.runs.many_results import (
-    HISTORY_FIELDS,
     Runs,
     RunSpec,
     history_arrays,
@@ -377,7 +376,7 @@ def integrated(
     every : int
         Interval of the rows of the histories in time steps.
     kept : tuple of str
-        Histories to keep, by the names of `HISTORY_FIELDS`, in new arrays.
+        Histories to keep, by the names of `HISTORIES`, in new arrays.
     threads : int, optional
         Number of threads; by default the number of processors.
 
@@ -489,7 +488,7 @@ def _history_writer(
     )
     # The functions compute a quantity from the rows of a history and write it to an array of the
     # result, because the next run overwrites the rows.
-    targets = [(array, HISTORIES[HISTORY_FIELDS[name]]) for name, array in result.history.items()]
+    targets = [(array, HISTORIES[name]) for name, array in result.history.items()]
     building, loads, n = prepared.building, prepared.loads, prepared.building.floors
 
     def on_history(i: int, rows: Array) -> None:

@@ -93,7 +93,7 @@ class HeightPeriod:
         return height
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DriftSpectrum(RecordSpectrum):
     """Drift spectrum of one record for a single damping ratio; arrays of shape (k,).
 

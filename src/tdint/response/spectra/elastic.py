@@ -427,7 +427,7 @@ class OscillatorMotion:
     ----------
     displacement, velocity : ndarray
         Motion relative to the ground, m and m/s.
-    acceleration : ndarray
+    absolute_acceleration : ndarray
         Absolute acceleration, m/s^2.
     """
 
@@ -436,7 +436,7 @@ class OscillatorMotion:
     periods: Annotated[float, Quantity("s", "natural period", called="period")]
     displacement: Annotated[Array, Quantity("m", "relative to the ground")]
     velocity: Annotated[Array, Quantity("m/s", "relative to the ground")]
-    acceleration: Annotated[Array, Quantity("m/s^2", "absolute", called="absolute_acceleration")]
+    absolute_acceleration: Annotated[Array, Quantity("m/s^2", "absolute")]
 
     columns: ClassVar = (
         "damping",
@@ -445,7 +445,7 @@ class OscillatorMotion:
         "ground_acceleration",
         "displacement",
         "velocity",
-        "acceleration",
+        "absolute_acceleration",
     )
 
     @property
@@ -458,7 +458,7 @@ class OscillatorMotion:
     @property
     def time(self) -> Annotated[Array, Quantity("s", "time from the first sample")]:
         """Time from 0 at the first sample."""
-        return np.asarray(np.arange(self.displacement.size) * self.record.dt, dtype=np.float64)
+        return self.record.time
 
 
 def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> OscillatorMotion:

@@ -120,9 +120,14 @@ def floor_motion(response: Response, floor: int | str) -> Record:
         assert history.devices is not None
         letter, place = "A", floor
         number = [item.name for item in model.attachments].index(floor) + 1
-        accelerations = history.devices.acceleration
+        accelerations = history.devices.absolute_acceleration
     else:
-        letter, place, number, accelerations = "F", f"floor {floor}", floor, history.acceleration
+        letter, place, number, accelerations = (
+            "F",
+            f"floor {floor}",
+            floor,
+            history.absolute_acceleration,
+        )
     # The number of the floor has at least two digits, and in all floors the same number of digits.
     station = f"{letter}{number:0{max(2, len(str(len(model.stories))))}d}"
     return Record(

@@ -46,7 +46,7 @@ _MAXIMUM_TOLERANCE = 1e-4  # tolerance of the strength at this maximum, relative
 _DUCTILITY_TOLERANCE = 1e-9  # tolerance of ln(ductility / target) of the result
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InelasticSpectrum(RecordSpectrum):
     """Response of bilinear oscillators to a single record, for a single damping ratio and one
     ductility or strength; arrays of shape (k,).

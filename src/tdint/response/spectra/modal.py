@@ -28,7 +28,7 @@ _DEFAULT_DAMPING = 0.05
 ratio; design spectra usually apply to 5 %."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModalResponse(Tabular):
     """Peak responses of a linear building for a design spectrum; arrays over the stories have the
     shape (n,).
@@ -129,7 +129,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
             f"{model.name}: the response spectrum analysis needs the periods, and a story has no "
             "initial stiffness; use time histories"
         )
-    period = 2.0 * math.pi / modes.omega
+    period = modes.period
     # Modes with shorter periods than the table of the target are rigid. Their acceleration is the
     # peak ground acceleration if the target states it.
     is_rigid = period < (0.0 if demand.curve else demand.periods[0])

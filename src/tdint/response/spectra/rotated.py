@@ -26,7 +26,7 @@ from tdint.response.spectra.elastic import (
 from tdint.tabular import Tabular
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RotatedSpectrum(Tabular):
     """Pseudo-acceleration spectra of two horizontal components over all directions, for a single
     damping ratio.

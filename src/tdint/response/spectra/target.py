@@ -228,7 +228,7 @@ _GRID = (0.01, 241)
 addition to its corner periods."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TargetSpectrum:
     """Pseudo-accelerations as a function of the period: a formula of a code, or linear
     interpolation between points on logarithmic axes.
@@ -590,7 +590,7 @@ _TOLERANCE = 1e-6
 printed values are rounded."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PublishedSpectrum:
     """Published spectrum, read from a file.
 

@@ -46,7 +46,7 @@ class Resonance(NamedTuple):
     amplitude: float
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TransferFunction(Tabular):
     """Complex response of each floor to a harmonic ground acceleration or floor force.
 
@@ -103,7 +103,7 @@ class TransferFunction(Tabular):
 
 
 def transfer_function(
-    model: AnyModel, source: str | int = GROUND, frequency: Array | None = None
+    model: AnyModel, frequency: Array | None = None, *, source: str | int = GROUND
 ) -> TransferFunction:
     """Compute the transfer functions of a building with its initial stiffness.
 
@@ -111,12 +111,12 @@ def transfer_function(
     ----------
     model : Model, str, Path or mapping
         Model, model file or its content, as for `tdint.run`.
-    source : str or int
-        `ground` for floor accelerations divided by the ground acceleration, or the number of a
-        floor, from 1, for displacements divided by a force on this floor.
     frequency : ndarray, shape (k,), optional
         Frequencies, Hz. By default, from 1/20 of the lowest to twice the highest natural frequency,
         denser at resonances.
+    source : str or int
+        `ground` for floor accelerations divided by the ground acceleration, or the number of a
+        floor, from 1, for displacements divided by a force on this floor.
 
     Returns
     -------
@@ -254,7 +254,7 @@ class _DynamicStiffness:
 
 def _resolved(stiffness: _DynamicStiffness) -> tuple[Array, Array]:
     """Return frequencies (Hz) that resolve the resonances, and the responses at them."""
-    natural = stiffness.building.modes().omega / (2.0 * math.pi)
+    natural = stiffness.building.modes().frequency
     highest = float(stiffness.building.stiffest_modes.omega[-1]) / (2.0 * math.pi)
     frequency = np.geomspace(_FIRST * natural[0], _LAST * highest, _COUNT)
     response = stiffness.response(frequency)

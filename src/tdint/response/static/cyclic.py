@@ -46,7 +46,7 @@ _ROUNDING = 1e-13
 dissipated energy is a rounding error and reported as 0."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LawPath:
     """Response of a story's law along a path of drifts; arrays of shape (points,).
 

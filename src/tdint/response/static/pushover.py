@@ -92,7 +92,7 @@ class ElementEvent:
     stiffness_after: float
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pushover(Tabular):
     """Result of a pushover; row 0 is the initial state at rest.
 

@@ -48,7 +48,7 @@ _ROUNDING = 1e-9
 _MAX_BISECTIONS = 100  # more than the number of binary digits of a floating-point number
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TargetDisplacement(Tabular):
     """Target displacement of a building under a design spectrum, by a single method.
 

@@ -14,6 +14,7 @@ from scipy.special import ndtr
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.number_parsing import abbreviate, pluralize
+from tdint.tabular import Described
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 
 STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
@@ -125,8 +126,8 @@ class CloudPoints:
         return int(np.sum(self.below))
 
 
-@dataclass(frozen=True)
-class Fragility:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fragility(Described):
     """Fragility function: the probability of exceedance is Phi(ln(im / theta) / beta).
 
     Attributes
@@ -199,6 +200,10 @@ class Fragility:
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
+
+    def _headline(self) -> str:
+        return f"by {self.fit}: theta {self.theta:.4g} {self.unit}, beta {self.beta:.4g}"
+
     is_drift_ratio: bool = False
 
     @property

@@ -68,7 +68,7 @@ _MEAN_WEIGHT = 4.0
 maximum misfit has the weight 1, because it is about four times as large as the mean misfit."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Match(Tabular):
     """Ground motion with a spectrum that was matched to a target.
 

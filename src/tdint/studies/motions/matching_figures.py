@@ -41,7 +41,7 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
             (part.before, part.after), part.motions[::-1], MATCHED.values(), strict=True
         ):
             energy = np.cumsum(record.acceleration**2)
-            time = record.dt * np.arange(record.acceleration.size)
+            time = record.time
             motions = (record.acceleration, motion.velocity, motion.displacement)
             for axes, values, si in zip(panels, motions, MOTION.values(), strict=False):
                 axes.plot(time, units.of(values, si), **plot_style)

@@ -71,7 +71,7 @@ MAXIMUM_DIRECTION = "rotd100"
 """Spectrum of a pair that ASCE 7 prescribes: maximum over all horizontal directions."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scaling(Tabular):
     """Scale factors of a suite.
 

@@ -621,7 +621,7 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
             f"{response.model.name}: the building collapsed after {history.time[-1]:.6g} s, before "
             "the end of the recording; a comparison requires the complete response"
         )
-    motions = {"acceleration": history.acceleration, "displacement": history.displacement}
+    motions = {"acceleration": history.absolute_acceleration, "displacement": history.displacement}
     return [
         event.filtered(
             motions[floor.quantity][::steps_per_interval, floor.floor - 1].astype(np.float64),
