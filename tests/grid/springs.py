@@ -21,6 +21,9 @@ class StoryFailureError(Exception):
     """The story loses its strength, or its state leaves the range of the solver."""
 
 
+AT_REST = 1e-3
+"""Fraction of the yield drift. A law that remembers its reversals counts none before its drift
+exceeds this fraction: the drift of an upper story is at first below the error of the solver."""
 _MANY = 10_000
 """More branches than a path between two drifts can have."""
 
@@ -701,7 +704,7 @@ class MultilinearPinching(Spring):
             raise StoryFailureError
         if self.branch == "virgin":
             # Reversals of a story that has not moved yet do not count.
-            start = 1e-5 * self.points[s][0][0]
+            start = AT_REST * self.points[s][0][0]
             if abs(x) < start:
                 return [(start, self.k)]
             self.branch = "backbone"
@@ -1012,8 +1015,8 @@ class PeakWithKeys(Multilinear):
         self.has = {1.0: sides != "negative", -1.0: sides != "positive"}
 
     def move(self, drift, *variables):
-        # A reversal before the first motion is none.
-        self.has_moved |= drift != self.drift
+        # A reversal at rest is none.
+        self.has_moved |= abs(drift) > AT_REST * self.first[1.0]
         super().move(drift, *variables)
         # A slack spring has no force: a rounding error would be a branch of its own.
         if abs(self.force) < 1e-9 * self.points[1.0][-1][1]:
@@ -1442,8 +1445,8 @@ class Steel(Spring):
 
     def path(self, x, f, reversed_here):
         q, d, f = self.side, self.drift, self.force
-        if self.start is None:
-            self.start, self.corner = (d, f), (q * self.yields, q * self.strength)
+        if self.start in (None, (0.0, 0.0)) and abs(d) <= AT_REST * self.yields:
+            self.start, self.corner = (0.0, 0.0), (q * self.yields, q * self.strength)
             return [(math.inf, math.nan)]
         self.extremes = {
             1.0: max(self.extremes[1.0], d),

@@ -69,12 +69,6 @@ _FAILED = 3.0  # no strength; positive for both sides
 # Fraction of a drift. A point is regarded as reached if its distance from the drift is smaller than
 # this fraction.
 _REACHED_TOLERANCE = 1e-12
-# Fraction of the drift of the first backbone point. Until the drift of a story first exceeds this
-# fraction in either direction, its reversals are not counted and do not change the path. Otherwise,
-# an upper story of a building at rest, which reverses at about 1e-10 m because of the time
-# discretization, would lose up to a fifth of its stiffness. The value is a tenth of the limit in
-# OpenSees. Forces of this size are negligible in any response.
-_MIN_REVERSAL = 1e-5
 _EQUAL = 1e-12  # relative difference of stiffnesses that is regarded as rounding error
 # Relative difference of the slope of the pinched part and the stiffness, regarded as rounding.
 # Before the first yielding, all parts of a path are on one line.
@@ -88,7 +82,7 @@ _MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 def _functions() -> LawFunctions:
     """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
+    from tdint.kernels.laws.branch_following import REST, extra_rows, fail, follow_branches
 
     @inline
     def side_row(side, row):
@@ -673,10 +667,10 @@ def _functions() -> LawFunctions:
 
         The first branch ends at the drift of the first point of the backbone curve. If the paths
         before the first yielding do not coincide with a straight line, reversals below the first
-        point change the path. The first branch then ends at the very small fraction _MIN_REVERSAL
-        of the maximum drift.
+        point change the path. The first branch then ends at the very small fraction REST of the
+        maximum drift.
         """
-        fraction = 1.0 if is_elastic_before_yielding(law_parameters, i) else _MIN_REVERSAL
+        fraction = 1.0 if is_elastic_before_yielding(law_parameters, i) else REST
         law_state[rows.HIGH_DRIFT, i] = point_drift(law_parameters, i, 1.0, 1)
         law_state[rows.LOW_DRIFT, i] = point_drift(law_parameters, i, -1.0, 1)
         law_state[rows.UPPER, i] = min(

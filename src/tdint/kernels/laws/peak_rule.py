@@ -192,7 +192,7 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
     `points` is the maximum number of points of the backbone curve of a side.
     """
     from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import fail, set_branch
+    from tdint.kernels.laws.branch_following import fail, is_at_rest, set_branch
 
     @inline
     def row_of(side):
@@ -308,6 +308,16 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
                 return math.inf
             j += 1
 
+    @inline
+    def is_virgin(law_parameters, law_state, i, block, side):
+        """Return True if no reversal has counted and the drift is still that of rest: the loading
+        of a side is then virgin loading, in either direction."""
+        return (
+            law_state[block + rows.HIGH_DRIFT, i] == 0.0
+            and law_state[block + rows.LOW_DRIFT, i] == 0.0
+            and is_at_rest(law_state, i, block, curve.end(law_parameters, i, side, 0))
+        )
+
     @outlined
     def continue_loading(law_parameters, law_state, i, block, side):
         """Set the branch of loading towards a side that starts at the current point.
@@ -315,6 +325,10 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
         It is a part of the reloading curve or of the backbone curve if the point is on it,
         otherwise the line with the unloading stiffness up to this curve.
         """
+        if is_virgin(law_parameters, law_state, i, block, side):
+            # After slack of the other side, from rest on
+            set_backbone(law_parameters, law_state, i, block, side)
+            return
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
         far_drift = far(law_parameters, law_state, i, block, side)
@@ -418,13 +432,8 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
         drift = law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
         row, other_row = row_of(side), row_of(-side)
-        if (
-            drift == 0.0
-            and force == 0.0
-            and law_state[block + row, i] == 0.0
-            and (law_state[block + other_row, i] == 0.0)
-        ):
-            # The first movement is in the direction that `enter` has not assumed.
+        if is_virgin(law_parameters, law_state, i, block, side):
+            # The movement from rest is in the direction that the branch has not assumed.
             if keys.has_side(law_parameters, i, side):
                 set_backbone(law_parameters, law_state, i, block, side)
             else:

@@ -11,8 +11,9 @@ extremes d_max and d_min of the reversals, at first dy and -dy:
     R = R0 (1 - cR1 xi / (cR2 + xi)),   xi = |d_p - d_0| / dy
 
 d_p is d_max for q = 1, otherwise d_min. The first curve has d_r = f_r = 0, the corner (q dy, q Fy)
-and R = R0. A short reversal starts a curve as well: the force can then exceed the force without
-the reversal by some percent, which belongs to the published law.
+and R = R0; a reversal at rest starts it anew (`is_at_rest`). A short reversal starts a
+curve as well: the force can then exceed the force without the reversal by some percent, which
+belongs to the published law.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def _functions() -> LawFunctions:
     import numpy as np
 
     from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import copy_extra_rows, extra_rows
+    from tdint.kernels.laws.branch_following import copy_extra_rows, extra_rows, is_at_rest
 
     nodes, weights = np.polynomial.legendre.leggauss(8)
 
@@ -130,18 +131,24 @@ def _functions() -> LawFunctions:
     @outlined
     def start_curve(law_parameters, law_state, i, block, side):
         """Start the curve towards a side at the current point."""
-        drift = law_state[block + rows.DRIFT, i]
-        reach = side * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i] - drift
-        power = law_parameters[_R0, i]
-        if law_state[block + rows.RATE_SIGN, i] != 0.0:
+        yield_drift = law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
+        # Only the first curve starts at the origin.
+        if (
+            law_state[block + _FROM_DRIFT, i] == 0.0
+            and law_state[block + _FROM_FORCE, i] == 0.0
+            and is_at_rest(law_state, i, block, yield_drift)
+        ):
+            reach = side * yield_drift
+            power = law_parameters[_R0, i]
+        else:
             high, low, reach, power = curve_after_reversal(
                 law_parameters, law_state, i, block, side
             )
             law_state[block + rows.HIGH_DRIFT, i] = high
             law_state[block + rows.LOW_DRIFT, i] = low
+            law_state[block + _FROM_DRIFT, i] = law_state[block + rows.DRIFT, i]
+            law_state[block + _FROM_FORCE, i] = law_state[block + rows.FORCE, i]
         law_state[block + rows.RATE_SIGN, i] = side
-        law_state[block + _FROM_DRIFT, i] = drift
-        law_state[block + _FROM_FORCE, i] = law_state[block + rows.FORCE, i]
         own = extra_rows(law_state, block)
         law_state[own, i] = reach
         law_state[own + 1, i] = power
