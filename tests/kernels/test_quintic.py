@@ -8,7 +8,7 @@ from scipy.interpolate import BPoly
 from tdint.kernels import layout as rows
 from tdint.kernels import peaks_between_steps as peaks
 from tdint.kernels import step_interpolant as interpolant
-from tdint.kernels.stepping import Ends, Passage, Span
+from tdint.kernels.stepping import Ends, Passage, Scene, Span
 
 H = 0.04
 FAR = 1e300
@@ -348,6 +348,21 @@ def test_extremum_of_velocity_is_found():
     assert min(of_kind) > 20
 
 
+def raise_absolute_peak(step, ends, mass, forces, values, row, is_located):
+    """Search one quantity without dashpots; return the located instant, 0 for none."""
+    flags = np.zeros(rows.FLAGS_SIZE)
+    flags[rows.LINEAR] = not is_located
+    scene = Scene(None, None, None, None, flags)
+    dashpots = peaks._NOT_NEAR_REST, peaks._NOT_NEAR_REST
+    instants = np.zeros((1, 1))
+    targets = values, row, instants, 0
+    count = peaks._raise_absolute_peak(
+        step, 1.0 / step.h, (ends, mass, forces), dashpots, scene, targets, 0
+    )
+    assert count == (instants[0, 0] > 0.0)
+    return instants[0, 0]
+
+
 @pytest.mark.parametrize("fast", [False, True])
 def test_extremum_of_acceleration_is_found(fast):
     """The curve is the sum of a line and the weighted bulge and tilt. Bulge and tilt of the forces
@@ -375,17 +390,9 @@ def test_extremum_of_acceleration_is_found(fast):
             fast and abs(a1 - 2.0 * a0 + a_earlier) > abs(a0) + abs(a1)
         )
         found, located = table(row, 0.0), table(row, 0.0)
+        step = span(fast=fast, ground=(ground_0, ground_1))
         at, at_located = (
-            peaks._raise_acceleration_peak(
-                span(fast=fast, ground=(ground_0, ground_1)),
-                ends,
-                mass,
-                values,
-                row,
-                0,
-                (f0, f1, f2, f3),
-                is_located,
-            )
+            raise_absolute_peak(step, ends, mass, (f0, f1, f2, f3), values, row, is_located)
             for values, is_located in ((found, False), (located, True))
         )
         kind = 2 if ratio >= 2.0 else int(not resolved)
@@ -405,8 +412,8 @@ def test_extremum_of_acceleration_is_found(fast):
     # A peak above the Bezier points remains, although the extremum is compared with it again.
     found = table(row, 1e9)
     for is_located in (False, True):
-        arguments = found, row, 0, (f0, f1, f2, f3), is_located
-        assert peaks._raise_acceleration_peak(span(), ends, mass, *arguments) == 0.0
+        arguments = found, row, is_located
+        assert raise_absolute_peak(span(), ends, mass, (f0, f1, f2, f3), *arguments) == 0.0
     assert found[row, 0] == 1e9
 
 

@@ -37,6 +37,7 @@ from tdint.kernels.stories.law_state import (
     columns_of_story,
     drift_of_fracture,
     raise_element_peaks,
+    restoring_force,
     restoring_force_outlined,
 )
 
@@ -103,7 +104,10 @@ def _raise_peaks_at(scene, span, passage, law_state, previous, s, located):
     linear_terms, _, _, forces, _ = scene
     _store_internal_forces(scene, span, passage, law_state, previous, s, located)
     total_shear = 0.0
-    for i in range(linear_terms.shape[1] - 2, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = linear_terms.shape[1] - 1
+    while i > 0:
+        i -= 1
         force = table[first + rows.LOCATED_INTERNAL, i]
         if TREE and is_tree(linear_terms):
             # The columns of links, which are the last, have no inertia.
@@ -125,7 +129,7 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
     """Store displacements, velocities and the internal forces of all floors at the fraction `s` of
     the step in the rows of `located`."""
     table, first, _, _ = located
-    linear_terms, modal, _, _, flags = scene
+    linear_terms, modal, law_parameters, _, flags = scene
     n = linear_terms.shape[1] - 1
     has_braces = flags[rows.HAS_BRACES] != 0.0
     below, u_below, v_below = floor_ends(span.fast, passage, 0), 0.0, 0.0
@@ -140,12 +144,25 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
             below = floor_ends(span.fast, passage, base)
             u_below = table[first + rows.LOCATED_DISPLACEMENT, base]
             v_below = table[first + rows.LOCATED_VELOCITY, base]
-        story = story_ends(floor, below, link, law_state[rows.DRIFT, i])
-        tangent = _follow_law(scene, span.h, law_state, i, previous, story, s, u - link * u_below)
+        drift, end, tangent = u - link * u_below, law_state[rows.DRIFT, i], law_state[rows.SLOPE, i]
+        if previous == rows.COMMITTED and tangent < math.inf:
+            # The law has followed a single linear branch. The interpolant can be beyond the limit
+            # of this branch at the located instant; the force is then the force at the limit.
+            limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
+            law_state[rows.SECOND_TRIAL + rows.DRIFT, i] = drift
+            force = law_state[rows.FORCE, i] + tangent * (limited - end)
+            law_state[rows.SECOND_TRIAL + rows.FORCE, i] = force
+        else:
+            block = previous
+            if (floor.v0 - link * below.v0) * (floor.v1 - link * below.v1) < 0.0:
+                story = story_ends(floor, below, link, end)
+                block = _move_to_reversal(span.h, law_parameters, law_state, i, previous, story, s)
+            tangent = restoring_force(law_parameters, law_state, i, block, rows.SECOND_TRIAL, drift)
         if (BRACES or TANGENT_DAMPING) and has_braces:
             force = linear_terms[rows.TANGENT_DAMPING, i] * tangent * (v - link * v_below)
             if BRACES and linear_terms[rows.BRACE, i] != 0.0:
-                motion = (u - link * u_below - story.u0, story.v0, v - link * v_below)
+                story = story_ends(floor, below, link, end)
+                motion = (drift - story.u0, story.v0, v - link * v_below)
                 row = first + rows.LOCATED_BRACE
                 force_0 = passage.state[rows.BRACE_START, i]
                 force += brace_force_at(linear_terms, i, s * span.h, motion, force_0, table, row)
@@ -169,30 +186,18 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
 
 
 @outlined
-def _follow_law(scene, h, law_state, i, previous, story, s, drift):
-    """Move the law of story `i` from the start of the step to the drift at the fraction `s`, in
-    block SECOND_TRIAL; return the tangent stiffness, N/m.
+def _move_to_reversal(h, law_parameters, law_state, i, previous, story, s):
+    """Move the law of story `i`, which reverses in the step, to the drift of the reversal in block
+    FIRST_TRIAL, if the fraction `s` of the step is after the reversal.
 
-    A law without a stored start has followed a single linear branch. The interpolant can be beyond
-    the limit of this branch at the located instant; the force is then that of the limit.
+    Return the first row of the block from which the law continues to `s`.
     """
-    slope = law_state[rows.SLOPE, i]
-    if previous == rows.COMMITTED and slope < math.inf:
-        limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
-        change = limited - law_state[rows.DRIFT, i]
-        law_state[rows.SECOND_TRIAL + rows.DRIFT, i] = drift
-        law_state[rows.SECOND_TRIAL + rows.FORCE, i] = law_state[rows.FORCE, i] + slope * change
-        return slope
-    block = previous
-    if story.v0 * story.v1 < 0.0:
-        rest = zero_of_rate(h, story)
-        if rest < s:
-            reversal = quintic_motion(h, story, rest)[0]
-            block = rows.FIRST_TRIAL
-            restoring_force_outlined(scene.law_parameters, law_state, i, previous, block, reversal)
-    return restoring_force_outlined(
-        scene.law_parameters, law_state, i, block, rows.SECOND_TRIAL, drift
-    )
+    rest = zero_of_rate(h, story)
+    if rest >= s:
+        return previous
+    reversal = quintic_motion(h, story, rest)[0]
+    restoring_force_outlined(law_parameters, law_state, i, previous, rows.FIRST_TRIAL, reversal)
+    return rows.FIRST_TRIAL
 
 
 # ---- Instants of the observer of the response. The kernel is compiled separately, because the time

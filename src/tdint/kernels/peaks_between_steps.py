@@ -68,7 +68,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.laws.selection import elements_of
+from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
 from tdint.kernels.linear_terms import (
     FORCES,
     LINKS,
@@ -84,6 +84,7 @@ from tdint.kernels.linear_terms import (
 )
 from tdint.kernels.step_interpolant import (
     acceleration_bulge,
+    acceleration_tilt,
     bulge_and_tilt,
     cubic_extremum,
     is_near_line,
@@ -105,6 +106,8 @@ _MAX_VELOCITY_MISMATCH = 0.5
 # 6e-4 of the part of the step.
 _POINTS_NEAR_REST = 12
 _BISECTIONS = 40
+_THIRD = 1.0 / 3.0
+_ROOT_TOLERANCE = 1e-12  # fraction of the step; largest last correction of a zero
 # Dimensionless. Ratio of the drift rates at both endpoints below which the force of a dashpot with
 # an exponent below 1 is not smooth enough for the cubic of the accelerations.
 _RATE_NEAR_REST = 0.2
@@ -295,8 +298,26 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
     is at least |A1 - A0| / 3 below the larger absolute endpoint value. The interior Bezier points
     therefore exceed this value by at most (2 |B| - |A1 - A0|) / 3.
     """
-    excess = (2.0 * abs(bulge) - abs(absolute_1 - absolute_0)) / 3.0
-    return max(abs(absolute_0), abs(absolute_1)) + max(excess, 0.0) > peak
+    excess = 2.0 * abs(bulge) - abs(absolute_1 - absolute_0)
+    return max(abs(absolute_0), abs(absolute_1)) + _THIRD * max(excess, 0.0) > peak
+
+
+@outlined
+def _raise_rate_peaks(span, linear_terms, passage, law_state, peaks, first_peak):
+    """Raise the peaks of the drift rates of stories with dashpots by their extrema in the step.
+
+    A separate loop, because the loop over the stories of all buildings does not need it.
+    """
+    row = first_peak + rows.PEAK_DRIFT_RATE
+    for i in range(linear_terms.shape[1] - 1):
+        if has_dashpot(linear_terms, i):
+            floor = floor_ends(span.fast, passage, i)
+            below = floor_ends(span.fast, passage, base_of(linear_terms, i))
+            story = story_ends(floor, below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
+            if story.a0 * story.a1 < 0.0 and may_exceed_velocity_peak(
+                span.h, 1.0 / span.h, story, peaks[row, i]
+            ):
+                _raise_velocity_peak(span, story, peaks, row, i)
 
 
 @outlined
@@ -328,6 +349,8 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     located_count = 0
     if scene.flags[rows.CAN_FRACTURE] != 0.0:
         located_count += has_fractured(scene.law_parameters, law_state)
+    if has_dashpots and not searched_in_parts:
+        _raise_rate_peaks(span, linear_terms, passage, law_state, peaks, first_peak)
     n = linear_terms.shape[1] - 1
     # Sums over the floors from the roof down to floor i: mass times motion, mass, forces on floors
     inertia, mass_sum = ZERO_ENDS, 0.0
@@ -335,7 +358,10 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     next_row = scene.forces.shape[0]
     near_rest_above = _NOT_NEAR_REST
     floor = floor_ends(span.fast, passage, n - 1)
-    for i in range(n - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
         # The link of story 0 is 0, so floor 0 is passed without effect.
         if TREE and is_tree(linear_terms):
             floor = floor_ends(span.fast, passage, i)
@@ -351,7 +377,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             # times `drift_excursion` limit the distances of drift and shear from these values.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
-            if scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+            if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
                 shear_margin = _margin_of_elements(
                     scene.law_parameters, law_state, i, stiffness, shear_margin
                 )
@@ -378,15 +404,6 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             and may_exceed_velocity_peak(span.h, by_h, floor, velocity_peak)
         ):
             _raise_velocity_peak(span, floor, peaks, first_peak + rows.PEAK_VELOCITY, i)
-        rate_peak = peaks[first_peak + rows.PEAK_DRIFT_RATE, i]
-        if (
-            has_dashpots
-            and has_dashpot(linear_terms, i)
-            and not searched_in_parts
-            and story.a0 * story.a1 < 0.0
-            and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
-        ):
-            _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
         # The second value of a quantity is the factor of the ground acceleration: 1 for a floor,
         # the mass of all floors above the story for the shear.
         if not span.cornered:
@@ -405,9 +422,10 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
                     _times(factor * link_above, near_rest_above),
                 )
                 quantity = floor, 1.0, ZERO_FORCES
-                s = _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
-                table[first + rows.ACCELERATION_INSTANT, i] = s
-                located_count += s > 0.0
+                targets = peaks, row, table, first + rows.ACCELERATION_INSTANT
+                located_count += _raise_absolute_peak(
+                    span, by_h, quantity, dashpots, scene, targets, i
+                )
             if TREE and is_tree(linear_terms):
                 inertia, mass_sum = add_tree_inertia(
                     linear_terms, span, passage, i, floor, inertia, mass_sum
@@ -423,9 +441,10 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
                 row = first_peak + rows.PEAK_TOTAL_SHEAR
                 dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
                 quantity = inertia, mass_sum, floor_forces
-                s = _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
-                table[first + rows.TOTAL_SHEAR_INSTANT, i] = s
-                located_count += s > 0.0
+                targets = peaks, row, table, first + rows.TOTAL_SHEAR_INSTANT
+                located_count += _raise_absolute_peak(
+                    span, by_h, quantity, dashpots, scene, targets, i
+                )
             near_rest_above = near_rest
         floor = floor_below
     return located_count
@@ -638,49 +657,61 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
 
 
 @inline
-def _raise_absolute_peak(span, quantity, dashpots, scene, peaks, peak_row, i):
+def _raise_absolute_peak(span, by_h, quantity, dashpots, scene, targets, i):
     """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
     step: near the rest of `dashpots`, if a dashpot has a force at that point, otherwise of a cubic.
 
-    `quantity` contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`,
-    which defines the result.
+    For a total shear, `quantity` contains the sum of mass times motion over the floors that the
+    story supports (`ends`), the sum of their masses (kg; 1 for a single floor), and the result of
+    `add_floor_forces`. As the ground acceleration is linear within the step, it does not change
+    bulge and tilt. `targets` are the peaks, the row of the quantity, and the table and the row for
+    the location of an extremum at which the laws must be evaluated. Return the number of stored
+    locations.
     """
+    peaks, peak_row, table, instants = targets
     if POWER_DAMPERS and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
         _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i)
-        return 0.0
+        return 0
     ends, mass, forces = quantity
-    is_located = scene.flags[rows.LINEAR] == 0.0
-    return _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces, is_located)
-
-
-@inline
-def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces, is_located):
-    """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
-    step, or return the location of the extremum if `is_located` (0 without such an extremum).
-
-    For a total shear, `ends` contains the sum of mass times motion over the floors that the story
-    supports, `mass` the sum of their masses (kg; 1 for a single floor), and `forces` the result of
-    `add_floor_forces`. As the ground acceleration is linear within the step, it does not change
-    bulge and tilt. The forces have the same weight w as the motion: a cubic with the complete tilt
-    of the forces, but not of the accelerations that they cause, would have a too large extremum.
-    """
-    peak = peaks[peak_row, i]
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
-    bulge, tilt = bulge_and_tilt(span.h, ends)
-    bulge, tilt = bulge - forces[2], tilt - forces[3]
+    bulge = acceleration_bulge(by_h, ends) - forces[2]
+    count = 0
+    if may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peaks[peak_row, i]):
+        cubic = absolute_0, absolute_1, bulge, forces[3]
+        is_located = scene.flags[rows.LINEAR] == 0.0
+        s = _raise_peak_of_cubic(span, ends, cubic, peaks, peak_row, i, is_located)
+        if s > 0.0:
+            table[instants, i] = s
+            count = 1
+    return count
+
+
+@outlined
+def _raise_peak_of_cubic(span, ends, cubic, peaks, peak_row, i, is_located):
+    """Raise a peak by the extremum of a cubic inside the step, or return the location of the
+    extremum if `is_located` (0 without such an extremum).
+
+    `cubic` contains the values at both endpoints, the bulge, and the tilt of the forces on floors.
+    The forces have the same weight w as the motion: a cubic with the complete tilt of the forces,
+    but not of the accelerations that they cause, would have a too large extremum.
+    """
+    absolute_0, absolute_1, bulge, tilt_of_forces = cubic
+    peak = peaks[peak_row, i]
+    tilt = acceleration_tilt(1.0 / span.h, ends) - tilt_of_forces
     weight = tilt_weight(bulge, tilt)
     bulge, tilt = weight * bulge, weight * tilt
-    if weight > 0.0 and max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
-        scale = abs(absolute_0) + abs(absolute_1)
-        is_resolved = resolves_motion(span, ends) and is_near_line(bulge, tilt, scale)
-        row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
-        # Coefficients of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s
-        c1 = absolute_1 - absolute_0 + bulge + tilt
-        extremum, s = cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
-        if is_resolved and is_located:
-            return s if abs(extremum) > peak else 0.0
-        raise_peak(peaks, row, i, extremum)
+    if weight == 0.0 or max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) <= peak:
+        return 0.0
+    scale = abs(absolute_0) + abs(absolute_1)
+    is_resolved = resolves_motion(span, ends) and is_near_line(bulge, tilt, scale)
+    row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
+    # Coefficients of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s
+    c1 = absolute_1 - absolute_0 + bulge + tilt
+    extremum, s = cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
+    if is_resolved and is_located:
+        return s if abs(extremum) > peak else 0.0
+    raise_peak(peaks, row, i, extremum)
     return 0.0
 
 
@@ -718,15 +749,30 @@ def _times(factor, dashpot):
 
 @inline
 def zero_of_rate(h, story):
-    """Return the zero of the drift rate in a step, by bisection, as a fraction of the step."""
+    """Return the zero of the drift rate in a step as a fraction of the step: by Newton's method,
+    with a bisection where it would leave the interval that contains the zero.
+    """
     lower, upper = 0.0, 1.0
+    change = story.v1 - story.v0
+    # Coefficients of the rate v0 + c1 s + c2 s^2 + c3 s^3 (`hermite_rate`)
+    c1 = h * story.a0
+    c2 = 3.0 * change - h * (2.0 * story.a0 + story.a1)
+    c3 = h * (story.a0 + story.a1) - 2.0 * change
+    s = -story.v0 / change
     for _ in range(_BISECTIONS):
-        middle = 0.5 * (lower + upper)
-        if hermite_rate(h, story, middle) * story.v0 > 0.0:
-            lower = middle
+        rate = story.v0 + s * (c1 + s * (c2 + s * c3))
+        if rate * story.v0 > 0.0:
+            lower = s
         else:
-            upper = middle
-    return 0.5 * (lower + upper)
+            upper = s
+        slope = c1 + s * (2.0 * c2 + s * 3.0 * c3)
+        correction = rate / slope if slope != 0.0 else math.inf
+        before, s = s, s - correction
+        if not lower <= s <= upper:
+            s = 0.5 * (lower + upper)
+        if abs(s - before) < _ROOT_TOLERANCE:
+            break
+    return s
 
 
 @outlined

@@ -203,7 +203,7 @@ def _raise_velocity_in_part(span, ends, part, deviation, peaks, peak_row, i):
 def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i):
     """Raise the peak of an absolute acceleration or of a total shear in a part of a kinked step.
 
-    The quantity is the cubic of `_raise_acceleration_peak`, plus a deviation, a parabola in the
+    The quantity is the cubic of `_raise_peak_of_cubic`, plus a deviation, a parabola in the
     part: `deviations` contains its values at the endpoints and its bulge. If the tilt of the step
     is not reliable, neither is the bulge of a second-order method. The last element of
     `deviations`, the bulge of the forces of the dampers, replaces it: after a jump inside the step,
@@ -211,7 +211,7 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
 
     If the step does not resolve the motion, the straight line between the endpoint values of the
     step replaces the cubic; otherwise, the extremum of the cubic is a possible peak. `quantity`
-    contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
+    contains the motion, mass and forces as in `_raise_absolute_peak`.
     """
     s_0, s_1 = part
     deviation_0, deviation_1, part_bulge, damping_bulge = deviations

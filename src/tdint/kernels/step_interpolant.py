@@ -43,10 +43,8 @@ _MAX_TILT_RATIO = 2.0
 @inline
 def bulge_and_tilt(h, ends):
     """Return bulge B and tilt D of the acceleration of the quintic interpolant."""
-    u0, v0, a0, u1, v1, a1, _, _ = ends
     by_h = 1.0 / h
-    tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
-    return acceleration_bulge(by_h, ends), tilt
+    return acceleration_bulge(by_h, ends), acceleration_tilt(by_h, ends)
 
 
 @inline
@@ -64,6 +62,13 @@ def acceleration_bulge(by_h, ends):
     With this B, the mean of the acceleration is (v1 - v0) / h for any tilt. `by_h` is 1 / h.
     """
     return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
+
+
+@inline
+def acceleration_tilt(by_h, ends):
+    """Return the tilt D of the acceleration within a step. `by_h` is 1 / h."""
+    u0, v0, a0, u1, v1, a1, _, _ = ends
+    return 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
 
 
 @inline

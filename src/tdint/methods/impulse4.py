@@ -746,7 +746,10 @@ def _raise_floor_peaks(scene, t, ground, row, scratch):
     """Update the peaks of the absolute accelerations and of the total shears with the relative
     accelerations in a scratch row, m/s^2."""
     total_shear = 0.0
-    for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = scene.linear_terms.shape[1] - 1
+    while i > 0:
+        i -= 1
         total_shear *= scene.linear_terms[rows.LINK, i + 1]
         if TREE and is_tree(scene.linear_terms):
             # The column of a link has no inertia.

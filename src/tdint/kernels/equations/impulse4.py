@@ -294,7 +294,10 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     is_stale = scratch[slopes_row, n] != h
     force_above = 0.0
     impulse_above = 0.0
-    for i in range(n - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
         is_stale |= law_state[rows.SLOPE, i] != scratch[slopes_row, i]
         link = linear_terms[rows.LINK, i]
         mass = linear_terms[rows.MASS, i]
@@ -348,7 +351,10 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     force_above = 0.0
     dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
-    for i in range(n - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
         link = linear_terms[rows.LINK, i]
         base = base_of(linear_terms, i)
         du = du_below

@@ -190,7 +190,10 @@ def solve(factors, x, n):
     # Backward substitution with D L^T. Row `pivot` contains 1 / D: multiplication divides by D.
     partial = scratch[x, n - 1] * scratch[pivot, n - 1]
     scratch[x, n - 1] = partial
-    for i in range(n - 2, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n - 1
+    while i > 0:
+        i -= 1
         partial = scratch[x, i] * scratch[pivot, i] - scratch[coupling, i + 1] * partial
         scratch[x, i] = partial
 
@@ -605,7 +608,10 @@ def _factor_tree_blocks(factors, n):
     if _LINKS:
         for i in range(1, n):
             _change_block(scratch, upper, i, 0.0, 1.0, _block(scratch, coupling, i))
-    for i in range(count_masses(linear_terms) - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = count_masses(linear_terms)
+    while i > 0:
+        i -= 1
         p, q, r, s = _block(scratch, blocks, i)
         determinant = 1.0 / (p * s - q * r)
         inverse = s * determinant, -q * determinant, -r * determinant, p * determinant
@@ -733,7 +739,10 @@ def _solve_full(scratch, xx, x, y, n):
         scratch[x, i] = x_i
         scratch[y, i] = y_i
     # Backward substitution; the diagonal blocks are inverse pivots.
-    for i in range(n - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
         x_i, y_i = scratch[x, i], scratch[y, i]
         for j in range(i + 1, n):
             x_i -= scratch[xx + i, j] * scratch[x, j] + scratch[xy + i, j] * scratch[y, j]
@@ -802,7 +811,10 @@ def solve_blocks(factors, x, y, n):
     # `i`.
     p = 0.0
     q = 0.0
-    for i in range(n - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
         x0 = scratch[x, i]
         y0 = scratch[y, i]
         backward = (
@@ -919,7 +931,10 @@ def _factor_tree_pairs(linear_terms, law_state, root, factors, n):
         scratch[pivot + 1, i] = im * linear_terms[rows.FLOOR_DAMPER, i]
         scratch[coupling, i] = scratch[coupling + 1, i] = 0.0
     # The columns of links are first: their contributions are complete before the elimination.
-    for i in range(n - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
         spring = law_state[rows.SLOPE, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
         story_re = re * damper + square_re * spring
@@ -1022,7 +1037,10 @@ def solve_pairs(factors, x, y, n):
     # (p, q) is the solution of the floor above.
     p = 0.0
     q = 0.0
-    for i in range(n - 1, -1, -1):
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
         by_re = scratch[coupling, i + 1]
         by_im = scratch[coupling + 1, i + 1]
         re = scratch[pivot, i]

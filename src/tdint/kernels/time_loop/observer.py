@@ -135,8 +135,13 @@ def observe(scene, span, slope, memory, seen):
     excess = 0.05 * span.h * span.h  # h^2 / 20, s^2
     if TREE and is_tree(linear_terms):
         _clear_tree_sums(observer_state, n)
-    for i in range(n - 1, -1, -1):
-        next_story, base = min(i + 1, n - 1), base_of(linear_terms, i)
+    last = max(n - 1, 0)
+    # With a decreasing `range`, the compiler would not know that `i` is not negative, and would
+    # test every index of an array: 10 % of the instructions of this loop.
+    i = n
+    while i > 0:
+        i -= 1
+        next_story, base = min(i + 1, last), base_of(linear_terms, i)
         if TREE and is_tree(linear_terms):
             v = state[rows.VELOCITY, i]
             u_0 = observer_state[rows.U_PREVIOUS, i]
