@@ -55,12 +55,13 @@ SAME_MOTION = {
     # other ways to write the same building
     *("name", "units", "building", "stories.weight", "stories.repeat"),
     # the record and the analysis are arguments of the runs
-    *("excitation.record", "analysis"),
+    *("excitation.record", "excitation.displacement", "excitation.velocity", "analysis"),
     # a table of forces from a file, instead of points
     *("excitation.forces.file", "excitation.forces.floors", "excitation.forces.column"),
     # laws and dashpots of attachments and links are those of stories; inertance is refused
     *(f"{device}.{key}" for device in ("attachments", "links") for key in ("law", "dashpot")),
     *("attachments.weight", "attachments.inertance", "links.inertance"),
+    *("attachments.mass_ratio", "attachments.period", "attachments.damping"),
     # fracture: tests/grid/test_fractures.py
     *("stories.law.fracture_drift", "stories.elements.fracture_drift"),
     # linear models: tests/response/runs/test_matrices.py

@@ -1,5 +1,6 @@
 """Errors of models of matrices and flexural stories, one line each."""
 
+import io
 import re
 import time
 import tracemalloc
@@ -196,6 +197,23 @@ def test_units():
     model = tdint.load_model({"units": units, **rows(stiffness=[[2.0, 0.0], [0.0, 1.0]])})
     assert np.diag(model.matrices.stiffness) == pytest.approx([2e6, 1e6])
     assert model.stories[0].mass == 1000.0
+
+
+def test_forces_on_rows_by_name():
+    text = """
+matrices: {names: [deck, tip], mass: [300, 120], stiffness: [[9000, -3000], [-3000, 3000]]}
+excitation:
+  forces:
+    - {floor: tip, amplitude: 40, omega: 4.1}
+    - {floor: deck, points: [[0, 1], [1, 2]]}
+    - {floor: roof, points: [[0, 1], [1, 2]]}
+"""
+    excitation = tdint.load_model(io.StringIO(text)).excitation
+    assert [force.floor for force in (*excitation.forces, *excitation.tables)] == [2, 1, 2]
+    with pytest.raises(
+        ModelError, match=r"forces\[1\].floor: unknown row 'tup'; did you mean 'tip'"
+    ):
+        tdint.load_model(io.StringIO(text.replace("floor: tip", "floor: tup")))
 
 
 def test_what_needs_springs_is_refused():

@@ -197,7 +197,23 @@ def test_fill_in_has_columns_between_the_floors_of_long_links():
             "hardening: 0, negative: {yield_force: 2}}}]",
             "`from` must be below `to` for a law that differs",
         ),
+        (
+            "attachments: [{floor: 1, mass: 1, mass_ratio: 2%, period: 1}]",
+            "cannot be used with `mass_ratio`",
+        ),
+        (
+            "attachments: [{floor: 1, mass: 1, stiffness: 2, period: 1}]",
+            "give either `stiffness` or `period`",
+        ),
+        (
+            "attachments: [{floor: 1, mass: 1, period: 1, damping: 5%, dashpot: 3}]",
+            "cannot be used with `damping`",
+        ),
+        ("attachments: [{floor: 1, mass: 1}]", "stiffness: is missing"),
         ("absorbers: []", "absorbers: unknown key; did you mean `attachments`?"),
+        ("joints: []", r"`stiffness_matrix` of its floors, .*: K = Kff - Kfr Krr\^-1 Krf"),
+        ("controller: {}", "compute them in Python"),
+        ("contacts: []", "write the second building as `attachments` with `floor: ground`"),
         ("tmd: {}", "tmd: unknown key; did you mean `attachments`?"),
         ("braces: []", "braces: unknown key; did you mean `links`?"),
     ],
@@ -283,6 +299,15 @@ def test_only_laws_that_differ_by_direction_need_the_lower_end_first(equal, law)
 def test_height_of_a_building_is_that_of_its_stories():
     """Attachments and links have no height, and do not make the height unknown."""
     assert overview(io.StringIO(f"stories: [{STORIES}]\n{DEVICES}")).height == 12.0
+
+
+def test_attachments_by_mass_ratio_period_and_damping_ratio():
+    stories = "stories: [{repeat: 3, mass: 100, stiffness: 6.0e4}]\n"
+    tmd = "attachments: [{floor: 3, mass_ratio: 3%, period: 0.5, damping: 12%}]"
+    spring = load_model(io.StringIO(stories + tmd)).attachments[0].spring
+    omega = 4.0 * np.pi
+    assert (spring.mass, spring.stiffness) == pytest.approx((9.0, 9.0 * omega**2))
+    assert spring.dashpot == pytest.approx(2.0 * 0.12 * 9.0 * omega)
 
 
 def test_initial_state_of_attachments_and_p_delta_of_their_weight():

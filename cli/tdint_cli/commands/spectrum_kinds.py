@@ -676,10 +676,11 @@ MODES = (
 def _is_single(request: SpectrumRequest, file: str) -> bool:
     """Return True if a file has exactly one horizontal component."""
     from tdint.ground_motion.horizontals import is_vertical
-    from tdint.ground_motion.reading.read import read_records
+    from tdint.ground_motion.reading.read import channel_records
 
     try:
-        records = read_records(file, **request.choice.of(file).reading | {"component": None})
+        choice = replace(request.choice.of(file), component=None)
+        records = channel_records(file, choice, single=False)
     except RecordError:
         return False  # The error is reported when the file is processed.
     return sum(not is_vertical(record.component) for record in records) == 1

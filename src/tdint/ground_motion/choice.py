@@ -223,6 +223,9 @@ class RecordChoice:
     ----------
     described : tuple of (str, RecordChoice)
         Files, patterns and directories with separate options, from descriptions of records.
+    quantity : str
+        Quantity that the samples must have, `displacement` or `velocity`. The acceleration is then
+        linear between the samples and has exactly this motion. Empty for any quantity.
     """
 
     units: str | Mapping[str, str] | None = None
@@ -231,6 +234,7 @@ class RecordChoice:
     processing: Processing = field(default_factory=Processing)
     layout: TextLayout = AS_STATED
     described: tuple[tuple[str, RecordChoice], ...] = ()
+    quantity: str = ""
 
     def of(self, file: str) -> RecordChoice:
         """Return the options for a file: those of the first description that contains it, its
@@ -253,16 +257,6 @@ class RecordChoice:
         }
         processing, layout = self.processing.over(other.processing), self.layout.over(other.layout)
         return replace(other, **specified, processing=processing, layout=layout)
-
-    @property
-    def reading(self) -> dict[str, Any]:
-        """Keyword arguments of `tdint.read_record`."""
-        return {
-            "units": self.units,
-            "component": self.component,
-            "inventory": self.inventory,
-            "layout": self.layout,
-        }
 
 
 def parse_trim(text: str) -> tuple[float | None, float | None]:

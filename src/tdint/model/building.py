@@ -35,7 +35,7 @@ from tdint.model.modes import (
 )
 from tdint.model.story import Story, column_name
 from tdint.model.story_laws import CODES, LAWS, Law
-from tdint.model.topology import incidence, springs_of, store_ends
+from tdint.model.topology import GROUND, incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -584,6 +584,13 @@ def assemble(model: Model) -> Building:
                 linear_terms[row, i] = number
         if _can_stiffen(story):
             linear_terms[rows.STIFFENING, i] = rows.UNLIMITED
+    for i in range(floors, n):
+        own_law = stories[i].law
+        end_masses = [stories[end].mass for end in ends[i] if end != GROUND]
+        mass = 1.0 / sum(1.0 / end_mass for end_mass in end_masses)
+        linear_terms[rows.TANGENT_DAMPING, i] = LAWS[own_law.name].tangent_damping(
+            own_law.parameters, mass
+        )
     store_ends(linear_terms, ends)
     heights = np.array(
         [math.nan if story.drift_height is None else story.drift_height for story in stories]
@@ -757,7 +764,8 @@ def weight_over_height(model: Model) -> Array:
     mass = np.array([story.mass for story in model.stories])
     # An attachment loads its floor; it has no separate P-delta.
     for attachment in model.attachments:
-        mass[attachment.floor - 1] += attachment.spring.mass
+        if attachment.floor:  # not on the ground
+            mass[attachment.floor - 1] += attachment.spring.mass
     heights = np.array(
         [
             (story.height or math.nan) if has_p_delta else math.inf

@@ -230,7 +230,7 @@ class Attachment(NamedTuple):
     name : str
         Name in tables, unique among attachments and links.
     floor : int
-        Floor of the attachment, counted from 1.
+        Floor of the attachment, counted from 1; 0 for the ground.
     spring : Story
         Spring and dashpot, and as mass of its floor the attached mass.
     """

@@ -693,7 +693,9 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
     masses, periods, dampers, shares = (dict[str, float]() for _ in range(4))
     for attachment in model.attachments:
         name, spring = attachment.name, attachment.spring
-        masses[name] = spring.mass / model.stories[attachment.floor - 1].mass
+        # A mass on the ground is a part of another building.
+        floor = model.stories[attachment.floor - 1] if attachment.floor else spring
+        masses[name] = spring.mass / floor.mass
         frequency = math.sqrt(spring.stiffness / spring.mass)
         if frequency > 0.0:
             periods[name] = 2.0 * math.pi / frequency

@@ -74,7 +74,8 @@ def store_ends(linear_terms: Array, ends: Sequence[Ends]) -> None:
     is_chain = all(end == (i, i - 1) for i, end in enumerate(ends))
     linear_terms[rows.UPPER_FLOOR, count] = 0.0 if is_chain else 1.0
     columns: dict[Ends, int] = {}
-    last_entry: dict[int, int] = {}
+    # The list of a floor starts in its own column, also if its own spring is on the ground.
+    last_entry = {upper: upper for upper, _ in ends}
     for i, (upper, lower) in enumerate(ends):
         is_on_floor = lower != GROUND
         linear_terms[rows.LINK, i] = float(is_on_floor)
@@ -83,9 +84,8 @@ def store_ends(linear_terms: Array, ends: Sequence[Ends]) -> None:
         linear_terms[rows.ENTRY, i] = i
         if is_on_floor:
             linear_terms[rows.ENTRY, i] = columns.setdefault((upper, lower), i)
-            if columns[upper, lower] == i:
-                if upper in last_entry:
-                    linear_terms[rows.NEXT_ENTRY, last_entry[upper]] = i
+            if columns[upper, lower] == i != upper:
+                linear_terms[rows.NEXT_ENTRY, last_entry[upper]] = i
                 last_entry[upper] = i
     # From the last column down, so that each list is in the order of the columns.
     for i in range(len(ends) - 1, 0, -1):

@@ -101,7 +101,7 @@ def model_record(model: Model) -> Record | None:
     source = model.excitation.record
     if source is None:
         return None
-    from tdint.ground_motion.reading.read import read_record
+    from tdint.ground_motion.reading.read import channel_records
 
     # If the model maps file names to units, `records_of` raises an error unless the mapping applies
     # to this file.
@@ -109,7 +109,7 @@ def model_record(model: Model) -> Record | None:
         from tdint.ground_motion.reading.suites import records_of
 
         records_of([source.file], source.choice)
-    record = read_record(source.file, **source.choice.reading)
+    (record,) = channel_records(source.file, source.choice, single=True)
     if source.choice.processing:
         from tdint.ground_motion.processing_steps import processed
 

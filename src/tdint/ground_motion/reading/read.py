@@ -272,7 +272,7 @@ def read_record(
         The file cannot be read, is corrupt, has gaps, overlaps or samples that are not finite, or
         contains counts of unknown value; the component does not exist, or it is required.
     """
-    (record,) = _read_components(
+    (record,) = channel_records(
         source, RecordChoice(units, component, inventory, layout=layout), single=True
     )
     return record
@@ -298,7 +298,7 @@ def read_records(
     inventory : str or Path, optional
         StationXML file; cannot be combined with units for all files.
     """
-    return _read_components(
+    return channel_records(
         source, RecordChoice(units, component, inventory, layout=layout), single=False
     )
 
@@ -413,10 +413,11 @@ def read_horizontals(
     return find_horizontals(records if others else recording)
 
 
-def _read_components(
+def channel_records(
     source: str | Path, choice: RecordChoice, *, single: bool
 ) -> tuple[Record, ...]:
-    """Read the components of a file, in m/s^2; with `single`, exactly one component.
+    """Read the components of a file without processing, in m/s^2; with `single`, exactly one
+    component.
 
     Raises
     ------
@@ -439,7 +440,7 @@ def _read_components(
         instruments = read_instruments(inventory)
     records = []
     for channel, trace in components:
-        record = _to_record(channel, trace, specified, instruments)
+        record = _to_record(channel, trace, specified, instruments, choice.quantity)
         inputs = [input_file]
         # The inventory is an input of a record only if its response was used.
         if instruments is not None and record.units_from == "inventory":
@@ -618,9 +619,15 @@ def _unambiguous_names(channels: Sequence[_Channel], others: Sequence[_Channel] 
 
 
 def _to_record(
-    channel: _Channel, trace: Any, specified: FileUnits, instruments: Instruments | None
+    channel: _Channel,
+    trace: Any,
+    specified: FileUnits,
+    instruments: Instruments | None,
+    quantity: str = "",
 ) -> Record:
     """Convert a channel to a record with an acceleration in m/s^2.
+
+    `quantity` is the quantity that its samples must have (`RecordChoice`).
 
     The instrument response is removed if an inventory is specified and the units of the samples are
     not known from the user or from the file. Warnings are stored in the record and logged.
@@ -642,7 +649,7 @@ def _to_record(
         or not lacks_units
         or declared_units(trace, contents.format, label, units)
     ):
-        motion = to_acceleration(trace, contents.format, units, label)
+        motion = to_acceleration(trace, contents.format, units, label, quantity)
         if instruments is not None:
             unused = f"the inventory is not used, because the units are known ({motion.units})"
             motion = motion._replace(notes=(*motion.notes, unused))

@@ -37,6 +37,12 @@ _DIFFERENTIATION_NOTE = "amplitudes above a tenth of the sampling rate are under
 """Note on differentiation. At a tenth of the sampling rate the error is 6 % for a velocity
 (sin x / x, x = 2 pi / 10) and 3 % for a displacement."""
 
+_SPLINE_NOTE = "its acceleration is that of a cubic spline through the displacements"
+_MIN_SPLINE_SAMPLES = 4  # a cubic spline without conditions at its ends needs four points
+_REST = 0.01
+"""Fraction of the peak velocity of the ground up to which it starts at rest; the building would
+otherwise have a relative velocity that changes its response visibly."""
+
 _MIN_SAMPLES = {"velocity": 3, "displacement": 3}  # minimum number of samples for differentiation
 
 _UNITS_EXAMPLES = {
@@ -98,21 +104,33 @@ class Motion(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def to_acceleration(trace: Any, format_name: str, specified: Units | None, label: str) -> Motion:
+def to_acceleration(
+    trace: Any, format_name: str, specified: Units | None, label: str, quantity: str = ""
+) -> Motion:
     """Convert the samples of a trace to m/s^2; a velocity or a displacement is differentiated.
 
     Parameters
     ----------
     trace : obspy.Trace
         Unchanged samples of the file.
+    quantity : str
+        Quantity that the samples must have (`RecordChoice`).
 
     Raises
     ------
     RecordError
-        The units are unknown or contradict the file, or the samples are too few to be
-        differentiated.
+        The units are unknown or contradict the file, the samples are another quantity, or they are
+        too few to be differentiated.
     """
     motion = to_motion(trace, format_name, specified, label)
+    if quantity:
+        if motion.quantity != quantity:
+            raise RecordError(
+                f"{label}: excitation.{quantity} needs a {quantity}, but the samples are of the "
+                f"quantity {motion.quantity}; use excitation.record, or choose another `column`"
+            )
+        samples, notes = moved(motion.samples, float(trace.stats.delta), quantity)
+        return motion._replace(samples=samples, notes=(*motion.notes, *notes))
     if motion.quantity == "acceleration":
         return motion
     note = f"the {motion.quantity} of the file is differentiated: {_DIFFERENTIATION_NOTE}"
@@ -306,6 +324,33 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
             acceleration[1:-1] = (samples[2:] - 2.0 * samples[1:-1] + samples[:-2]) / (dt * dt)
     acceleration[0], acceleration[-1] = acceleration[1], acceleration[-2]
     return acceleration
+
+
+def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> tuple[NDArray[Any], list[str]]:
+    """Return the acceleration, linear between the samples, whose ground motion has a displacement
+    (m) or velocity (m/s) at all samples, m/s^2, and notes on its start.
+
+    The displacement is then a cubic spline through the samples. The error of a frequency w is of
+    the order (w dt)^4, and (w dt)^2 for second differences.
+    """
+    from scipy.interpolate import CubicSpline  # few records are displacements
+
+    if samples.size < _MIN_SPLINE_SAMPLES:
+        raise RecordError(
+            f"a {quantity} must have at least {_MIN_SPLINE_SAMPLES} samples, got {samples.size}"
+        )
+    time = dt * np.arange(samples.size)
+    motion = CubicSpline(time, samples)
+    if quantity == "velocity":
+        motion = CubicSpline(time, motion.antiderivative()(time))
+    velocity = motion(time, 1)
+    notes = [f"the {quantity} of the file is the motion of the ground: {_SPLINE_NOTE}"]
+    if abs(velocity[0]) > _REST * np.max(np.abs(velocity)):
+        notes.append(
+            f"the ground starts with a velocity of {velocity[0]:.3g} m/s, and the building moves "
+            "with it; give `initial: {velocity: ...}` relative to the ground if it does not"
+        )
+    return motion(time, 2), notes
 
 
 def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:

@@ -31,7 +31,7 @@ from tdint.ground_motion.origin import matched_clause
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.contents import other_content, record_formats
 from tdint.ground_motion.reading.other_files import repeated_motions, unused_text
-from tdint.ground_motion.reading.read import read_records
+from tdint.ground_motion.reading.read import channel_records
 from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
 from tdint.number_parsing import abbreviate, pluralize
@@ -206,7 +206,8 @@ def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
         The file cannot be read, or a processing step cannot be applied.
     """
     choice = choice.of(file)
-    return [processed(record, choice.processing) for record in read_records(file, **choice.reading)]
+    records = channel_records(file, choice, single=False)
+    return [processed(record, choice.processing) for record in records]
 
 
 def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | None = None) -> Suite:

@@ -2,11 +2,16 @@
 
 f = k d                                        for |d| <= gap
 f = k d + stop_stiffness (|d| - gap) sgn(d)    for |d| > gap
+
+The dashpot of a contact (Kelvin) adds the force c times the drift rate while |d| > gap. It is
+damping with the tangent stiffness (row TANGENT_DAMPING of the linear terms, with c over
+stop_stiffness), because the tangent stiffness is that of the stop in contact, and otherwise zero.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import SIDES, DriftLaw, LawFunctions, LawParameter
@@ -113,6 +118,36 @@ def _functions() -> LawFunctions:
     return LawFunctions(force=force, strain_energy=strain_energy, enter=enter, switch=switch)
 
 
+def _fault(stiffness: float, values: Sequence[float]) -> str | None:
+    """Return the message for a dashpot that cannot act in contact only."""
+    _, stop_stiffness, _, dashpot, restitution = values
+    if dashpot == 0.0 and restitution == 1.0:
+        return None
+    if dashpot != 0.0 and restitution != 1.0:
+        return "give either dashpot or restitution, not both"
+    if stiffness != 0.0 or stop_stiffness == 0.0:
+        return (
+            "a dashpot or a restitution acts in contact only; use it in a link without `stiffness` "
+            "and with a positive stop_stiffness"
+        )
+    return None
+
+
+def _contact_damping(values: Sequence[float], mass: float) -> float:
+    """Return the coefficient of the dashpot that acts in contact over the stiffness of the stop, s.
+
+    A coefficient of restitution e replaces it by 2 xi sqrt(k m) with xi = -ln e / sqrt(pi^2 +
+    ln^2 e) (Anagnostopoulos 1988), the stiffness k of the stop and the mass m = m1 m2 / (m1 + m2)
+    of both bodies, kg.
+    """
+    _, stop_stiffness, _, dashpot, restitution = values
+    if dashpot == 0.0 and restitution == 1.0:
+        return 0.0
+    decrement = -math.log(restitution)
+    ratio = decrement / math.hypot(math.pi, decrement)
+    return (dashpot + 2.0 * ratio * math.sqrt(stop_stiffness * mass)) / stop_stiffness
+
+
 LAW = DriftLaw(
     "gap",
     "f = k d, beyond the gap stop_stiffness (|d| - gap) more: elastic pounding against a stop on "
@@ -122,8 +157,12 @@ LAW = DriftLaw(
         LawParameter("gap", length=1, low=0.0, low_allowed=False),
         LawParameter("stop_stiffness", force=1, length=-1, low=0.0),
         LawParameter("sides", choices=SIDES, default="both"),
+        LawParameter("dashpot", force=1, length=-1, low=0.0, default=0.0),
+        LawParameter("restitution", low=0.0, low_allowed=False, high=1.0, default=1.0),
     ),
+    fault=_fault,
     kinked=True,
+    tangent_damping=_contact_damping,
     stiffens=lambda values: values[1] > 0.0,
     symmetric=lambda values: values[2] == 0.0,
     largest_stiffness=lambda stiffness, values: stiffness + values[1],

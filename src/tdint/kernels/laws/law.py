@@ -212,6 +212,10 @@ class DriftLaw:
     largest_stiffness : callable, optional
         (initial stiffness, parameter values) -> largest stiffness that can occur, N/m. Default: the
         initial stiffness.
+    tangent_damping : callable
+        (parameter values, mass of two bodies in contact, kg) -> coefficient of damping with the
+        tangent stiffness that belongs to the law, s. Only the laws of attachments and links may
+        have it, because the elements of a story share one coefficient.
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
@@ -240,6 +244,7 @@ class DriftLaw:
     largest_stiffness: Callable[[float, Sequence[float]], float] | None = None
     warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
+    tangent_damping: Callable[[Sequence[float], float], float] = lambda values, mass: 0.0
     failed: float = math.nan
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (
         lambda stiffness, values, side: None

@@ -3,6 +3,7 @@ dashpots between any two floors."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -16,8 +17,11 @@ from tdint.model.config.stories import (
 )
 from tdint.model.definition import Attachment, Link
 from tdint.model.keys.fields import (
+    NOT_NEGATIVE,
     POSITIVE,
+    RATIO,
     ROOF,
+    Bounds,
     Choice,
     Either,
     EntriesOf,
@@ -31,7 +35,8 @@ from tdint.model.keys.fields import (
 from tdint.model.story import MAX_STORIES, Story, column_name
 from tdint.model.story_laws import LAWS, LINEAR, Law
 
-_GROUND = "ground"
+GROUND = "ground"
+_MASS_RATIO = Bounds(0.0, low_allowed=False, ratio=True)
 _INERTANCE = Key("inertance", POSITIVE, "not supported: see the message")
 _NO_INERTANCE = (
     "inertance is not supported: an inerter between two floors couples their accelerations; omit it"
@@ -41,18 +46,21 @@ _ATTACHMENT = Keys(
         Key("name", TextLine(), "name in tables; default: attachment_1, attachment_2, ..."),
         Key(
             "floor",
-            Either((Integer(1, MAX_STORIES), Choice((ROOF,)))),
-            "floor on which it stands, from 1 at the bottom, or roof",
+            Either((Integer(1, MAX_STORIES), Choice((ROOF, GROUND)))),
+            "floor on which it stands, from 1 at the bottom, roof or ground",
             needed=True,
         ),
         Key("mass", POSITIVE, "attached mass"),
         Key("weight", POSITIVE, "attached weight, instead of the mass"),
-        Key("stiffness", POSITIVE, "initial stiffness of its spring"),
+        Key("mass_ratio", _MASS_RATIO, "attached mass over the mass of all floors, instead"),
+        Key("stiffness", NOT_NEGATIVE, "initial stiffness of its spring; 0 if only links hold it"),
+        Key("period", POSITIVE, "its natural period on a fixed floor, s, instead of `stiffness`"),
         Key("law", LAW, "hysteretic law of its spring; default: linear"),
         Key("dashpot", DASHPOT, "viscous damper between mass and floor: force over velocity"),
+        Key("damping", RATIO, "damping ratio on a fixed floor, instead of `dashpot`"),
         _INERTANCE,
     ),
-    one_of=(("mass", "weight"),),
+    one_of=(("mass", "weight", "mass_ratio"),),
 )
 ATTACHMENTS = EntriesOf(_ATTACHMENT, least=1)
 _END = Either((Integer(1, MAX_STORIES), TextLine()))
@@ -71,7 +79,7 @@ _LINK = Keys(
             "end; its displacement minus that of the start is the deformation",
             needed=True,
         ),
-        Key("stiffness", POSITIVE, "initial stiffness of a spring"),
+        Key("stiffness", NOT_NEGATIVE, "initial stiffness of a spring; default for a gap: 0"),
         Key("law", LAW, "hysteretic law of the spring; default: linear"),
         Key("dashpot", DASHPOT, "viscous damper: force over velocity"),
         _INERTANCE,
@@ -91,7 +99,7 @@ class _Names:
         value = section.get("name")
         name = (value.text() if value else None) or f"{kind}_{number}"
         # Attachments are ends of links; otherwise the names of the ends are the names of floors.
-        if kind == "attachment" and (name in (_GROUND, ROOF) or name.isdecimal()):
+        if kind == "attachment" and (name in (GROUND, ROOF) or name.isdecimal()):
             (value or section.value).fault(f"{name!r} is the name of a floor; use another name")
         elif column_name(name) in map(column_name, self.used):
             (value or section.value).fault(f"{name!r} is already used; names must be unique")
@@ -100,24 +108,42 @@ class _Names:
 
 
 def read_devices(
-    section: Section, unit: ModelUnits, count: int | None
+    section: Section, unit: ModelUnits, count: int | None, floor_mass: float
 ) -> tuple[tuple[Attachment, ...], tuple[Link, ...]]:
     """Return the attachments and links of a model file; errors are added to its errors.
 
-    `count` is the number of stories; None if it is unknown because of an error.
+    `count` is the number of stories; None if it is unknown because of an error. `floor_mass` is the
+    mass of all floors, kg.
     """
     names = _Names([])
     attachments = []
+    loose: list[Section | None] = []  # attachments without a spring, which links must hold
     for number, entry in enumerate(_entries(section, "attachments"), start=1):
         if item := entry.section(_ATTACHMENT):
-            attachments.append(_read_attachment(item, number, unit, count, names))
+            attachment = _read_attachment(item, number, unit, (count, floor_mass), names)
+            attachments.append(attachment)
+            loose.append(item if attachment.spring.stiffness == 0.0 else None)
     masses = list(names.used)
     links = []
     for number, entry in enumerate(_entries(section, "links"), start=1):
         if item := entry.section(_LINK):
             link_name = names.read(item, "link", number)
             links.append(_read_link(item, link_name, unit, count, masses))
+    if count and None not in links:
+        _report_loose(loose, count, [link for link in links if link])
     return tuple(attachments), tuple(link for link in links if link)
+
+
+def _report_loose(loose: Sequence[Section | None], count: int, links: Sequence[Link]) -> None:
+    """Report attachments without a spring (`loose`, None for the others) that no chain of links
+    with a stiffness connects to the building or to the ground."""
+    held = {*range(count + 1), *(count + i for i, item in enumerate(loose, start=1) if not item)}
+    springs = [{*link.ends} for link in links if link.spring.stiffness]
+    while added := {end for ends in springs if ends & held for end in ends} - held:
+        held |= added
+    for number, item in enumerate(loose, start=count + 1):
+        if item and number not in held:
+            item.value.fault("stiffness: must be positive, or links with a stiffness must hold it")
 
 
 def _entries(section: Section, name: str) -> Sequence[Value]:
@@ -129,11 +155,17 @@ def _entries(section: Section, name: str) -> Sequence[Value]:
 
 
 def _read_attachment(
-    section: Section, number: int, unit: ModelUnits, count: int | None, names: _Names
+    section: Section,
+    number: int,
+    unit: ModelUnits,
+    building: tuple[int | None, float],
+    names: _Names,
 ) -> Attachment:
-    """Return an attachment. Invalid values are reported and replaced by nan, the floor by 1."""
+    """Return an attachment on a building with a number of stories and a mass of its floors, kg.
+    Invalid values are reported and replaced by nan, the floor by 1."""
+    count, floor_mass = building
     name = names.read(section, "attachment", number)
-    value = section.need("floor", "give the floor, counted from 1 at the bottom, or roof")
+    value = section.need("floor", "give the floor, counted from 1 at the bottom, roof or ground")
     floor = 1
     if value and value.word in names.used:
         value.fault(
@@ -141,19 +173,35 @@ def _read_attachment(
             "between both attachments has the same effect"
         )
     elif value:
-        floor = value.floor(count) or 1
-    spring = _read_device(section, unit, has_spring=True)
-    return Attachment(name, floor, replace(spring, mass=read_mass(section, unit)))
+        floor = 0 if value.is_word(GROUND) else value.floor(count) or 1
+    if section.has("mass_ratio"):
+        section.refuse(("mass", "weight"), "cannot be used with `mass_ratio`; give one of them")
+        mass = section.number("mass_ratio") * floor_mass
+    else:
+        mass = read_mass(section, unit)
+    spring = _read_device(section, unit, has_spring=True, mass=mass)
+    if section.has("damping"):
+        section.refuse(("dashpot",), "cannot be used with `damping`; give one of them")
+        if spring.stiffness == 0.0:
+            section.value.fault("damping: needs the stiffness or the period of its spring")
+        ratio = section.number("damping")
+        spring = replace(spring, dashpot=2.0 * ratio * math.sqrt(spring.stiffness * mass))
+    return Attachment(name, floor, spring)
 
 
-def _read_device(section: Section, unit: ModelUnits, *, has_spring: bool) -> Story:
-    """Return the spring and the dashpot of a device without its mass."""
+def _read_device(
+    section: Section, unit: ModelUnits, *, has_spring: bool, mass: float = 0.0
+) -> Story:
+    """Return the spring and the dashpot of a device, with an attached mass, kg."""
     if inertance := section.get("inertance"):
         inertance.fault(_NO_INERTANCE)
-    stiffness, law = read_spring(section, unit) if has_spring else (0.0, LINEAR)
+    stiffness, law = 0.0, LINEAR
+    if has_spring:
+        is_optional = mass != 0.0 or section.has("law")
+        stiffness, law = read_spring(section, unit, mass=mass, is_optional=is_optional)
     dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
     return Story(
-        mass=0.0,
+        mass=mass,
         height=None,
         stiffness=stiffness,
         law=law,
@@ -205,7 +253,7 @@ def _read_end(
     value = section.need(key, "give ground, a floor, roof or an attachment")
     if value is None:
         return None
-    if value.is_word(_GROUND):
+    if value.is_word(GROUND):
         return 0
     if value.word in attachments and not value.word.isdecimal():
         return (count or 0) + 1 + attachments.index(value.word)

@@ -60,7 +60,7 @@ class _Request:
 
 
 def read_table_forces(
-    sections: Sequence[Section], unit: ModelUnits, count: int | None
+    sections: Sequence[Section], unit: ModelUnits, count: int | None, names: Sequence[str] = ()
 ) -> tuple[TableForce, ...]:
     """Return the forces from tables, in the order of the model file.
 
@@ -74,6 +74,8 @@ def read_table_forces(
         Units of points and of columns without a unit.
     count : int | None
         Number of stories; None if it is unknown after an error.
+    names : sequence of str
+        Names of rows that are not floors.
     """
     requests: dict[str, list[_Request]] = {}
     forces: list[TableForce] = []
@@ -83,14 +85,14 @@ def read_table_forces(
         points = section.get("points")
         if points is not None:
             section.refuse(("file", "floors", "column"), "cannot be used with `points`")
-            floor = _read_floor(section, count)
+            floor = _read_floor(section, count, names)
             table = _read_points(points, unit)
             if table is not None:
                 forces.append(TableForce(floor, table, 0, scale, start))
             continue
         file = section.need("file", "give the file of the table, or `points`")
         path = file.file() if file else None
-        found = read_requests(section, file or section.value, count, scale, start)
+        found = read_requests(section, file or section.value, count, scale, start, names)
         if path is not None and found:  # otherwise an error has been reported
             requests.setdefault(path, []).extend(found)
     for path, wanted in requests.items():
@@ -101,23 +103,29 @@ def read_table_forces(
     return tuple(forces)
 
 
-def _read_floor(section: Section, count: int | None) -> int:
+def _read_floor(section: Section, count: int | None, names: Sequence[str]) -> int:
     """Return the entry `floor`; 0 after reporting an error."""
     floor = section.need("floor", "give the floor, counted from 1 at the bottom")
-    return floor.floor(count) if floor else 0
+    return floor.floor(count, names) if floor else 0
 
 
 def read_requests(
-    section: Section, file: Value, count: int | None, scale: float, start: float
+    section: Section,
+    file: Value,
+    count: int | None,
+    scale: float,
+    start: float,
+    names: Sequence[str] = (),
 ) -> list[_Request]:
     """Return the columns of the file that act on floors: `floors`, or `floor` and `column`.
 
     Errors of the only column of forces are reported at the entry `file`. `count` is the number of
-    stories; if it is unknown (None), the floor `roof` is 0.
+    stories; if it is unknown (None), the floor `roof` is 0. `names` are the names of rows that are
+    not floors.
     """
     floors = section.get("floors")
     if floors is None:
-        floor = _read_floor(section, count)
+        floor = _read_floor(section, count, names)
         column = section.get("column")
         name = column.text() if column else ""
         if name is None:
@@ -131,10 +139,13 @@ def read_requests(
     requests = []
     for key, entry in (named or {}).items():
         number = float(count or 0) if key == ROOF else number_or_nan(key)
-        is_floor = key == ROOF or (number >= 1 and number == int(number))
-        if not is_floor or (count and number > count):
+        if key in names and not key.isdecimal():
+            number = names.index(key) + 1.0
+        is_floor = number >= 1 and number == int(number)
+        if not (is_floor or key == ROOF) or (count and number > count):
             limit = f" to {count} (the number of stories)" if count else ""
-            floors.fault(f"the keys must be floors from 1{limit} or {ROOF}, got {quoted(key)}")
+            known = f", {ROOF} or the name of a row" if names else f" or {ROOF}"
+            floors.fault(f"the keys must be floors from 1{limit}{known}, got {quoted(key)}")
             continue
         text = entry.text()
         if text is not None:

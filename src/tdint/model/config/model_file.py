@@ -14,6 +14,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
@@ -61,7 +62,6 @@ from tdint.model.keys.fields import (
     DRIFT_BOUNDS,
     NOT_NEGATIVE,
     POSITIVE,
-    ROOF,
     Choice,
     Either,
     EntriesOf,
@@ -175,10 +175,11 @@ _RECORD = Keys(
         *PROCESSING,
     )
 )
-_FLOOR = Either((Integer(1, MAX_STORIES), Choice((ROOF,))))
+_FLOOR = Either((Integer(1, MAX_STORIES), TextLine()))
+_FLOOR_TEXT = "floor, from 1 at the bottom, roof, or the name of a row of `matrices`"
 _FORCE = Keys(
     (
-        Key("floor", _FLOOR, "floor, from 1 at the bottom, or roof", needed=True),
+        Key("floor", _FLOOR, _FLOOR_TEXT, needed=True),
         Key("amplitude", ANY, "maximum force", needed=True),
         Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
         Key(
@@ -196,7 +197,7 @@ _TABLE_FORCE = Keys(
             NamedEntries(TextLine(), description="a mapping of floors to columns"),
             "column of each floor, with an optional factor: {2: roof_kN, 1: 0.6 roof_kN}",
         ),
-        Key("floor", _FLOOR, "floor, from 1 at the bottom, or roof, instead of floors"),
+        Key("floor", _FLOOR, f"{_FLOOR_TEXT}, instead of floors"),
         Key("column", TextLine(), "column of this floor; default: the only column of forces"),
         Key(
             "points",
@@ -211,9 +212,16 @@ _TABLE_FORCE = Keys(
         Key("scale", ANY, "factor on the forces; default: 1"),
     )
 )
+MOTION_KEYS = {"record": "", "displacement": "displacement", "velocity": "velocity"}
+"""Keys of `excitation` with a ground motion, and the quantity that its file must contain; empty for
+an acceleration, or the quantity that the file states."""
+
+_MOTION = Either((TextLine(), _RECORD))
 EXCITATION = Keys(
     (
-        Key("record", Either((TextLine(), _RECORD)), "ground motion: a file, or file and options"),
+        Key("record", _MOTION, "ground motion: a file, or file and options"),
+        Key("displacement", _MOTION, "displacement of the ground or of a shaking table, instead"),
+        Key("velocity", _MOTION, "velocity of the ground, instead"),
         Key(
             "forces",
             EntriesOf(Either((_FORCE, _TABLE_FORCE))),
@@ -223,12 +231,21 @@ EXCITATION = Keys(
 )
 
 
-def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) -> Excitation:
-    """Return the record and the forces of the section `excitation`, which can be missing."""
+def read_excitation(
+    value: Value | None, unit: ModelUnits, count: int | None, names: Sequence[str]
+) -> Excitation:
+    """Return the ground motion and the forces of the section `excitation`, which can be missing.
+
+    `names` are the names of rows that are not floors.
+    """
     section = value.section(EXCITATION) if value else None
     if section is None:
         return Excitation(None)
-    record, forces = section.get("record"), section.get("forces")
+    motions = [name for name in MOTION_KEYS if section.has(name)]
+    for name in motions[1:]:
+        section.value.fault(f"give either `{motions[0]}` or `{name}`, not both; remove one")
+    record = section.get(motions[0]) if motions else None
+    forces = section.get("forces")
     # A building may have both a record and forces.
     items = (forces.items("a list of forces") if forces else None) or ()
     # The keys of an entry determine its type. `floor` belongs to both types.
@@ -239,22 +256,24 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
         from tdint.model.config.load_tables import read_table_forces
 
         sections = [item.section(_TABLE_FORCE) for item in of_tables]
-        tables = read_table_forces([item for item in sections if item is not None], unit, count)
+        present = [item for item in sections if item is not None]
+        tables = read_table_forces(present, unit, count, names)
     return Excitation(
-        record_from_value(record) if record else None,
-        tuple(_read_force(item, unit, count) for item in items if item not in of_tables),
+        record_from_value(record, MOTION_KEYS[motions[0]]) if record else None,
+        tuple(_read_force(item, unit, count, names) for item in items if item not in of_tables),
         tables,
     )
 
 
-def record_from_value(value: Value) -> RecordSource | None:
+def record_from_value(value: Value, quantity: str = "") -> RecordSource | None:
     """Return the ground motion of `excitation: record`; None after reporting an error.
 
-    The value is the path of the file, or a mapping with the key `file` and options.
+    The value is the path of the file, or a mapping with the key `file` and options. `quantity` is
+    `displacement` or `velocity` for a file that must contain it.
     """
     if not value.is_list and not value.is_mapping:
         file = value.file(stdin=True)
-        return RecordSource(file) if file else None
+        return RecordSource(file, RecordChoice(quantity=quantity)) if file else None
     section = value.section(_RECORD, "a file or a mapping with the key file")
     if section is None:
         return None
@@ -263,12 +282,13 @@ def record_from_value(value: Value) -> RecordSource | None:
     scale = factor.number() if factor else 1.0
     if factor and scale == 0.0:
         factor.fault("must not be zero; omit the record to run without ground motion")
-    return RecordSource(
-        section.file("file", stdin=True) or "", read_choice(section, stdin=True), scale
-    )
+    choice = replace(read_choice(section, stdin=True), quantity=quantity)
+    if quantity:
+        read_sample_units(section.get("units"), quantity)
+    return RecordSource(section.file("file", stdin=True) or "", choice, scale)
 
 
-def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
+def _read_force(value: Value, unit: ModelUnits, count: int | None, names: Sequence[str]) -> Force:
     """Return the force amplitude * cos(omega t + phi); `phase` is phi, `cos` or `sin`.
 
     Invalid values are reported and replaced by nan or 0.
@@ -289,7 +309,7 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
         angle = phase.number(expected="cos, sin or an angle in radians")
         cosine, sine = math.cos(angle), -math.sin(angle)
     return Force(
-        floor=floor.floor(count) if floor else 0,
+        floor=floor.floor(count, names) if floor else 0,
         cosine=amplitude * cosine,
         sine=amplitude * sine,
         omega=section.number("omega"),
@@ -365,6 +385,18 @@ def model_keys() -> Keys:
     )
 
 
+_JOINTS = (
+    "a frame whose joints rotate is written as the `stiffness_matrix` of its floors, without the "
+    "rotations r: K = Kff - Kfr Krr^-1 Krf"
+)
+_CONTROL = (
+    "control forces depend on the response; compute them in Python and pass them to each step of "
+    "`tdint.Stepper`"
+)
+_CONTACT = (
+    "write the second building as `attachments` with `floor: ground`, and the contact as a link "
+    "with the law gap"
+)
 _MODEL = Keys(
     (
         Key("name", TextLine(), "name of the building; default: name of the file"),
@@ -420,6 +452,9 @@ _MODEL = Keys(
     other_names=(
         *((name, "attachments") for name in ("absorbers", "absorber", "tmd", "tmds", "equipment")),
         *((name, "links") for name in ("link", "dampers", "dashpots", "braces", "springs")),
+        *((name, _JOINTS) for name in ("beams", "columns", "members", "nodes", "joints", "frame")),
+        *((name, _CONTROL) for name in ("control", "controller", "actuators", "actuator")),
+        *((name, _CONTACT) for name in ("contacts", "contact", "pounding")),
     ),
 )
 _DEFAULT_COLLAPSE_DRIFT = 0.10
@@ -516,7 +551,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     if matrices and getattr(damping, "tangent", False):
         section.value.fault("damping.rayleigh.tangent: a linear model has no tangent; omit it")
     excitation = section.get("excitation")
-    attachments, links = read_devices(section, unit, count)
+    attachments, links = read_devices(section, unit, count, sum(story.mass for story in stories))
 
     # Imported here, because most models have no damage states and no limits.
     damage: DamageStates | None = None
@@ -538,7 +573,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         stories=stories,
         damping=damping,
         p_delta=p_delta,
-        excitation=read_excitation(excitation, unit, count),
+        excitation=read_excitation(excitation, unit, count, matrices.names if matrices else ()),
         initial=_read_initial(section.inner("initial"), unit, count),
         analysis=Analysis(*map(section.inner("analysis").read, _ANALYSIS)),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
@@ -726,7 +761,9 @@ def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, s
     `folder`, the directory of the new file.
     """
     excitation = _find_node(root, "excitation")
-    record, forces = _find_node(excitation, "record"), _find_node(excitation, "forces")
+    motions = (_find_node(excitation, name) for name in MOTION_KEYS)
+    record = next((node for node in motions if node is not None), None)
+    forces = _find_node(excitation, "forces")
     source = model.excitation.record
     files: list[tuple[Any, str | Path | None]] = []
     if record is not None and source is not None:

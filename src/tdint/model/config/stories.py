@@ -17,6 +17,7 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.fractures import FRACTURE, read_fracture
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
+    ANY,
     NOT_NEGATIVE,
     POSITIVE,
     RATIO,
@@ -235,10 +236,26 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     allowed_keys = ["type", FRACTURE.name, *further_keys]
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
-    section = value.section(list(dict.fromkeys(allowed_keys)))
+    declared = tuple(Key(key, ANY) for key in dict.fromkeys(allowed_keys))
+    keys = Keys(declared, other_names=_OTHER_KEYS.get(name, ()))
+    section = value.section(keys)
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
     return (LAWS[name] if name else None), section
+
+
+_OTHER_KEYS: Mapping[str | None, tuple[tuple[str, str], ...]] = {
+    "bouc-wen": (
+        (
+            "gamma",
+            "it is 1 - beta here, so that the strength is yield_force; write a law with a gamma of "
+            "its own as a plug-in, see src/tdint/README.md",
+        ),
+        ("alpha", "hardening"),
+        ("n", "exponent"),
+    )
+}
+"""Parameters of other programs by the name of a law, each with the parameter or a remedy."""
 
 
 def _law_name(value: Value) -> str | None:
@@ -615,12 +632,22 @@ def _read_story_without_spring(section: Section, unit: ModelUnits, p_delta: bool
 
 
 def read_spring(
-    section: Section, unit: ModelUnits, *, mass: float = math.nan, height: float | None = None
+    section: Section,
+    unit: ModelUnits,
+    *,
+    mass: float = math.nan,
+    height: float | None = None,
+    is_optional: bool = False,
 ) -> tuple[float, Law]:
-    """Return the initial stiffness (N/m; nan after an error) and the law of a spring."""
+    """Return the initial stiffness (N/m; nan after an error) and the law of a spring. With
+    `is_optional`, the spring may have no stiffness, or none before it stiffens."""
     entry = section.get("law")
     law, stiffness_of_law = read_law(entry, unit)
-    stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit, mass)
+    is_held = law == LINEAR and section.has("stiffness")
+    may_be_soft = is_held or (law.parameters and LAWS[law.name].stiffens(law.parameters))
+    stiffness = _read_stiffness(
+        section, law.name, stiffness_of_law, unit, mass, is_optional and bool(may_be_soft)
+    )
     return stiffness, _checked_law(entry, law, stiffness, unit, height) if entry else law
 
 
@@ -708,17 +735,17 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
     parameters = _read_parameters(section, law, unit) if law.parameters else ()
     has_unknown = any(map(math.isnan, parameters))
     stiffness_of_law = law.initial_stiffness(parameters) if law.initial_stiffness else None
-    # An element that stiffens, such as a stop, may have no stiffness before it stiffens.
-    factor = unit.factor(force=1, length=-1)
-    if stiffness_of_law is None and (has_unknown or law.stiffens(parameters)):
-        stiffness = section.number("stiffness", NOT_NEGATIVE, factor, default=0.0)
-    elif stiffness_of_law is None:
-        stiffness = section.number("stiffness", POSITIVE, factor)
-    elif any(parameter.path == "stiffness" for parameter in law.parameters):
+    if any(parameter.path == "stiffness" for parameter in law.parameters):
+        assert stiffness_of_law is not None
         stiffness = stiffness_of_law  # the law checks its own parameter
     else:
-        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
+        is_optional = has_unknown or law.stiffens(parameters)
+        stiffness = _read_stiffness(
+            section, law.name, stiffness_of_law, unit, is_optional=is_optional
+        )
     result = _checked_law(entry, Law(law.name, parameters), stiffness, unit, height)
+    if not has_unknown and law.tangent_damping(parameters, 1.0):
+        entry.fault("damping of a law in contact is possible in attachments and links only")
     return Element(name, math.nan if has_unknown else stiffness, result, cosine)
 
 
@@ -728,19 +755,23 @@ def _read_stiffness(
     stiffness_of_law: float | None,
     unit: ModelUnits,
     mass: float = math.nan,
+    is_optional: bool = False,
 ) -> float:
-    """Return the initial stiffness of a story or of an element, N/m, or nan after reporting an
-    error. For a story of mass `mass` (kg), the natural period can specify the stiffness.
+    """Return the initial stiffness of a story, an element or a device, N/m, or nan after reporting
+    an error. For a floor of mass `mass` (kg), the natural period can specify the stiffness.
 
     If the parameters of the law determine the initial stiffness (otherwise None), the key
-    `stiffness` is optional, and a different value is an error.
+    `stiffness` is optional, and a different value is an error. With `is_optional`, it is 0 by
+    default: a spring next to other springs that stiffens, such as a stop.
     """
     factor = unit.factor(force=1, length=-1)
     entry, period = section.get("stiffness"), section.get("period")
     if entry and period:
         section.value.fault("give either `stiffness` or `period`, not both; remove one")
     if stiffness_of_law is None and not period:
-        return section.number("stiffness", scale=factor)
+        if is_optional:
+            return section.number("stiffness", NOT_NEGATIVE, factor, default=0.0)
+        return section.number("stiffness", POSITIVE, factor)
     stiffness = math.nan
     if period:
         stiffness = mass * (2.0 * math.pi / period.number()) ** 2

@@ -255,7 +255,7 @@ class Keys(Sequence[str]):
         Converts the mapping. Receives the `Value` of the mapping and, as keyword arguments, the
         converted value of each declared key (None if it is missing).
     other_names : tuple of (str, str)
-        Unknown names that users try, each with the key that is meant.
+        Unknown names that users try, each with the key that is meant, or with a remedy.
     """
 
     declared: tuple[Key, ...]
@@ -370,13 +370,19 @@ class Value(NamedTuple):
         """Report an error of this value."""
         self.faults.add(self.node, self.key, message)
 
-    def floor(self, count: int | None) -> int:
+    def floor(self, count: int | None, names: Sequence[str] = ()) -> int:
         """Return the number of the floor: a number from 1, or `roof`; 0 after reporting an error.
 
-        `count` is the number of stories; None if it is unknown because of an error.
+        `count` is the number of stories; None if it is unknown because of an error. `names` are the
+        names of rows that are not floors, which may also be given.
         """
+        if self.word in names and not self.word.isdecimal():
+            return names.index(self.word) + 1
         if self.is_word(ROOF):
             return count or 0
+        if names and self.word and not self.word[0].isdecimal():
+            self.choice(names, "row")
+            return 0
         return self.integer(numbered(count)) or 0
 
     def is_word(self, word: str) -> bool:
@@ -947,8 +953,8 @@ def _related_key(name: str, names: Collection[str]) -> str:
     # {height: 3,5} is a mapping with the keys `height` and `5`.
     if name.isdecimal():
         return "; a comma divides entries here: write a decimal point"
-    if isinstance(names, Keys) and (known := dict(names.other_names).get(name)):
-        return f"; did you mean `{known}`?"
+    if isinstance(names, Keys) and (meant := dict(names.other_names).get(name)):
+        return f"; did you mean `{meant}`?" if meant in names else f"; {meant}"
     # The key may belong to an inner section, such as `record` to `excitation`. The keys of `units`
     # (length, force, mass) are not searched, because they are also quantities of other sections.
     if isinstance(names, Keys):

@@ -475,7 +475,7 @@ def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
     if not model.devices:
         return None
     places = [
-        *(f"floor {item.floor}" for item in model.attachments),
+        *(f"floor {item.floor}" if item.floor else "ground" for item in model.attachments),
         *(" to ".join(map(model.end_name, item.ends)) for item in model.links),
     ]
     numbers = Table.of(

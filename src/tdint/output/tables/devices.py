@@ -56,7 +56,7 @@ ENERGY_ERROR = tuple(
 )
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),
-    Column.named("floor", "floor on which it stands, numbered from the ground"),
+    Column.named("floor", "floor on which it stands, numbered from the ground (0)"),
 )
 LINK_NAMES = (
     Column("link", "text", "name", "name of the link"),
@@ -189,7 +189,8 @@ def device_sentences(response: Response, units: OutputUnits) -> list[str]:
             case Attachment(name, floor):
                 acceleration = units.text(float(peaks.peak_absolute_acceleration[i]), "m/s^2")
                 texts = [f"stroke {drift}", *forces, f"absolute acceleration {acceleration}"]
-                sentences.append(f"attachment {name} on floor {floor}: {', '.join(texts)}")
+                place = f"floor {floor}" if floor else "the ground"
+                sentences.append(f"attachment {name} on {place}: {', '.join(texts)}")
             case Link(name):
                 sentences.append(f"link {name}: {', '.join([f'deformation {drift}', *forces])}")
     return sentences

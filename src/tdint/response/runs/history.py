@@ -303,7 +303,8 @@ def _total_shear(building: Building, loads: Loads, time: Array, table: Array) ->
     # Sum from the roof down, attachments first.
     if building.branched:
         for i, item in enumerate(building.attachments, start=building.floors):
-            floor_forces[:, item.floor - 1] += floor_forces[:, i]
+            if item.floor:  # not on the ground
+                floor_forces[:, item.floor - 1] += floor_forces[:, i]
         floor_forces = floor_forces[:, : building.floors]
     return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
 
