@@ -625,6 +625,15 @@ LAW = DriftLaw(
             *("asymmetry", 0, 0, -0.5, 0.5), low_allowed=False, high_allowed=False, default=0.0
         ),
     ),
+    other_keys=(
+        (
+            "gamma",
+            "it is 1 - beta here, so that the strength is yield_force; write a law with a gamma of "
+            "its own as a plug-in, see src/tdint/README.md",
+        ),
+        ("alpha", "hardening"),
+        ("n", "exponent"),
+    ),
     kinked=True,
     curved=True,
     equal_directions=lambda values: values[-1] == 0.0,  # asymmetry

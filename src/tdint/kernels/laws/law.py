@@ -212,6 +212,8 @@ class DriftLaw:
     largest_stiffness : callable, optional
         (initial stiffness, parameter values) -> largest stiffness that can occur, N/m. Default: the
         initial stiffness.
+    other_keys : tuple of (str, str)
+        Names of parameters of other programs, each with the parameter that is meant, or a remedy.
     tangent_damping : callable
         (parameter values, mass of two bodies in contact, kg) -> coefficient of damping with the
         tangent stiffness that belongs to the law, s. Only the laws of attachments and links may
@@ -244,6 +246,7 @@ class DriftLaw:
     largest_stiffness: Callable[[float, Sequence[float]], float] | None = None
     warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
+    other_keys: tuple[tuple[str, str], ...] = ()
     tangent_damping: Callable[[Sequence[float], float], float] = lambda values, mass: 0.0
     failed: float = math.nan
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (

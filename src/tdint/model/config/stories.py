@@ -237,25 +237,11 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
     declared = tuple(Key(key, ANY) for key in dict.fromkeys(allowed_keys))
-    keys = Keys(declared, other_names=_OTHER_KEYS.get(name, ()))
+    keys = Keys(declared, other_names=LAWS[name].other_keys if name else ())
     section = value.section(keys)
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
     return (LAWS[name] if name else None), section
-
-
-_OTHER_KEYS: Mapping[str | None, tuple[tuple[str, str], ...]] = {
-    "bouc-wen": (
-        (
-            "gamma",
-            "it is 1 - beta here, so that the strength is yield_force; write a law with a gamma of "
-            "its own as a plug-in, see src/tdint/README.md",
-        ),
-        ("alpha", "hardening"),
-        ("n", "exponent"),
-    )
-}
-"""Parameters of other programs by the name of a law, each with the parameter or a remedy."""
 
 
 def _law_name(value: Value) -> str | None:
