@@ -257,7 +257,7 @@ def columns():
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),
         "tdint modes --target": buildings.MODAL_RESPONSE,
-        "tdint modes --transfer": transfer.transfer_columns(1, "ground"),
+        "tdint modes --transfer": transfer.transfer_columns([1], "ground"),
         "tdint law": buildings.CYCLIC,
         "tdint pushover": buildings.pushover(1),
         "tdint pushover --target": buildings.TARGET_DISPLACEMENT,

@@ -35,6 +35,9 @@ from tdint.output.plotting import plot as plot
 from tdint.output.tables.spectra import RecordInfo as RecordInfo
 from tdint.output.tables.spectra import record_info as record_info
 from tdint.output.to_dict import to_dict as to_dict
+from tdint.response.matrices import StateSpace as StateSpace
+from tdint.response.matrices import SystemMatrices as SystemMatrices
+from tdint.response.matrices import matrices as matrices
 from tdint.response.overview import Overview as Overview
 from tdint.response.overview import modes as modes
 from tdint.response.overview import overview

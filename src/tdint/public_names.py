@@ -40,6 +40,7 @@ PUBLIC = by_name(
         "tdint.output.plotting": ["plot"],
         "tdint.output.tables.spectra": ["record_info", "RecordInfo"],
         "tdint.output.to_dict": ["to_dict"],
+        "tdint.response.matrices": ["matrices", "StateSpace", "SystemMatrices"],
         "tdint.response.overview": ["check", "modes", "Overview"],
         "tdint.response.runs.analysis_kernels": ["compile_model"],
         "tdint.response.runs.case": ["Case"],

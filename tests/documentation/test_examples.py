@@ -194,6 +194,15 @@ def test_the_day_of_a_researcher(checkout):
         assert width / 72.0 * 25.4 == pytest.approx(90.0, abs=0.1) and b"/FontFile2" in data
 
 
+def test_matrices_tune_an_absorber_and_design_a_controller_and_an_observer(checkout):
+    """The absorber reduces the peak, the controller adds damping, the observer is stable."""
+    _, run = checkout
+    output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("state-space")]))
+    numbers = [float(number) for number in re.findall(r"\d+\.\d+", output)]
+    before, after, free, controlled, observed = numbers
+    assert after < 0.3 * before and controlled > 2.0 * free and observed > 0.5
+
+
 @pytest.mark.slow
 def test_a_fit_by_derivatives(checkout):
     """Ten stiffnesses are estimated within four standard errors. The number of calls is smaller

@@ -15,8 +15,10 @@ from tdint.kernels.stepping import Factors
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.damping import rayleigh
+from tdint.model.plausibility import model_notes
 from tdint.model.topology import incidence, springs_of
 from tdint.response.overview import overview
+from tdint.response.runs.prepared import PreparedBuilding
 
 STORIES = (
     "{mass: 100, height: 3, stiffness: 90000}, {repeat: 3, mass: 100, height: 3, stiffness: 80000}"
@@ -324,3 +326,41 @@ def test_initial_state_of_attachments_and_p_delta_of_their_weight():
     weight = 9.80665 * np.array([450.0, 350.0, 200.0, 100.0]) / 3.0
     assert prepared.building.linear_terms[rows.GEOMETRIC, :4] == pytest.approx(-weight)
     assert not prepared.building.linear_terms[rows.GEOMETRIC, 4:].any()
+
+
+def test_initial_motion_of_attachments():
+    """Attachments without values start with their floors; the columns of links follow."""
+    model = read(
+        "attachments: [{name: a, floor: 2, mass: 5, stiffness: 900}, {name: b, floor: 4, mass: 5,"
+        " stiffness: 900}, {name: c, floor: 1, mass: 5, stiffness: 900}]\n"
+        "links: [{name: d, from: a, to: 3, dashpot: 10}]\n"
+        "initial: {displacement: [1, 2, 3, 4], velocity: [5, 6, 7, 8],"
+        " attachments: {b: {velocity: 0}, c: {displacement: -1, velocity: 0.5}}}"
+    )
+    prepared = PreparedBuilding.of(model)
+    assert prepared.displacement[:7].tolist() == [1.0, 2.0, 3.0, 4.0, 2.0, 4.0, -1.0]
+    assert prepared.velocity[:7].tolist() == [5.0, 6.0, 7.0, 8.0, 6.0, 0.0, 0.5]
+    assert model_notes(model) == [
+        "start with the motion of their floors: a (`initial: {attachments: ...}` states another "
+        "motion)"
+    ]
+    still = read(
+        "attachments: [{name: a, floor: 2, mass: 5, stiffness: 900}]\n"
+        "initial: {attachments: {a: {displacement: 0.1}}}"
+    )
+    assert still.initial.moves and not model_notes(still)
+
+
+@pytest.mark.parametrize(
+    ("initial", "message"),
+    [
+        ("{attachments: {b: {velocity: 1}}}", "attachment 'b' not found .known: a"),
+        ("{attachments: {a: {speed: 1}}}", "unknown key"),
+        ("{attachments: {}}", "is empty"),
+        ("{attachments: {a: {velocity: x}}}", "must be a number"),
+    ],
+)
+def test_invalid_initial_motion_of_attachments(initial, message):
+    device = "attachments: [{name: a, floor: 2, mass: 5, stiffness: 900}]"
+    with pytest.raises(ModelError, match=message):
+        read(f"{device}\ninitial: {initial}")

@@ -1,6 +1,7 @@
 """Many runs in one call equal single runs to the last bit: peaks, histories and status."""
 
 import re
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -294,3 +295,85 @@ def test_statistics_over_samples():
         tdint.run_many([two_stories()], [noise(samples=20)]).over_samples()
     with pytest.raises(UsageError, match="percentiles must be from 0 to 100"):
         runs.over_samples([101])
+
+
+ABSORBED = {
+    "stories": [{"repeat": 2, "mass": 1e5, "height": 3.0, "stiffness": 4e7}],
+    "damping": "3%",
+    "attachments": [
+        {"name": "tmd", "floor": 2, "mass": 6e3, "stiffness": 4e5, "dashpot": 6e3},
+        {
+            "name": "tank",
+            "floor": 1,
+            "mass": 3e3,
+            "stiffness": 2e5,
+            "law": {"type": "bilinear", "yield_force": 2e2, "hardening": 0.05},
+        },
+    ],
+    "links": [{"name": "damper", "from": "ground", "to": 2, "dashpot": 2e5}],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "keys"),
+    [
+        ("attachments[tmd].stiffness", ("attachments", 0, "stiffness")),
+        ("attachments[tmd].mass", ("attachments", 0, "mass")),
+        ("attachments[tmd].dashpot", ("attachments", 0, "dashpot")),
+        ("attachments[tank].law.yield_force", ("attachments", 1, "law", "yield_force")),
+        ("links[damper].dashpot", ("links", 0, "dashpot")),
+    ],
+)
+def test_varied_devices_equal_changed_models(name, keys):
+    values = []
+    for factor in (0.7, 1.3):
+        changed = deepcopy(ABSORBED)
+        *path, key = keys
+        entry = changed
+        for part in path:
+            entry = entry[part]
+        entry[key] *= factor
+        values.append(entry[key])
+        single = tdint.run(changed, RECORDS[0], check=False)
+        varied = tdint.run_many(ABSORBED, RECORDS[0], vary={name: [entry[key]]})
+        np.testing.assert_array_equal(varied.stories.peak_drift[0], single.stories.peak_drift)
+        replaced = tdint.load_model(ABSORBED).replace(**{name: entry[key]})
+        assert replaced.devices == tdint.load_model(changed).devices
+    both = tdint.run_many(ABSORBED, RECORDS[0], vary={name: values})
+    assert both.stories.peak_drift[0, 0] != both.stories.peak_drift[1, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("attachments[tdm].mass", r"attachments\[tdm\] not found.*attachments\[tmd\]"),
+        ("links[damper].mass", r"links\[damper\] of model has no parameter 'mass'"),
+        ("links[damper].stiffness", "has no parameter 'stiffness'"),
+        ("attachments[tmd].stifness", "did you mean .attachments.tmd..stiffness"),
+    ],
+)
+def test_unknown_devices_and_keys_are_refused(name, message):
+    with pytest.raises(UsageError, match=message):
+        tdint.run_many(ABSORBED, RECORDS[0], vary={name: [1e5]})
+
+
+def test_runs_without_records():
+    """An initial motion, forces, and the record of the model."""
+    free = {**ABSORBED, "initial": {"displacement": [0.01, 0.02]}}
+    options = {"dt": 0.01, "duration": 2.0}
+    runs = tdint.run_many(free, vary={"mass_factor": [1.0, 1.2]}, history="displacement", **options)
+    for i, factor in enumerate((1.0, 1.2)):
+        model = tdint.load_model(free).replace(mass_factor=factor)
+        single = tdint.run(model, history=True, check=False, **options)
+        np.testing.assert_array_equal(runs.stories.peak_drift[i], single.stories.peak_drift)
+        np.testing.assert_array_equal(runs.history["displacement"][i], single.history.displacement)
+    assert runs.to_dict()["record"] == ["", ""]
+    pushed = {**ABSORBED, "excitation": {"forces": [{"floor": 2, "amplitude": 1e4, "omega": 9}]}}
+    single = tdint.run(pushed, check=False, **options)
+    np.testing.assert_array_equal(
+        tdint.run_many(pushed, **options).stories.peak_drift[0], single.stories.peak_drift
+    )
+    with pytest.raises(UsageError, match="no ground motion to scale"):
+        tdint.run_many(free, scales=[1.0, 2.0], **options)
+    with pytest.raises(UsageError, match="ground motion is missing"):
+        tdint.run_many(ABSORBED)

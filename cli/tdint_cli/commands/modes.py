@@ -161,7 +161,7 @@ def _transfer(model: Model, source: str, outputs: Outputs, units_of_page: Output
     from tdint.model.building import assemble
     from tdint.response.spectra.transfer import transfer_function
 
-    model.require_chain("the transfer function")
+    model.require_floors("the transfer function")
     floors = len(model.stories)
     if source != _GROUND and not (source.isdecimal() and 1 <= int(source) <= floors):
         raise UsageError(
@@ -204,7 +204,7 @@ def _transfer(model: Model, source: str, outputs: Outputs, units_of_page: Output
 
 def _transfer_sentence(result: TransferFunction, units: OutputUnits) -> str:
     """Return a sentence on the maximum amplitude of the roof and its frequency."""
-    roof = result.maxima[-1]
+    roof = result.roof
     if result.source == _GROUND:
         amplitude = f"roof acceleration {roof.amplitude:.4g} times the ground acceleration"
     else:

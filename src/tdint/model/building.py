@@ -27,6 +27,7 @@ from tdint.model.damping import (
 from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import Attachment, Force, Link, Model
 from tdint.model.modes import (
+    Braces,
     ComplexModes,
     FreeVibration,
     Modes,
@@ -470,19 +471,28 @@ class Building:
             from tdint.model.linear_system import damped_modes
 
             modes, stiffness, damping = damped_modes(self.modes(), self.system.damping)
-            none = np.zeros((0, modes.omega.size)), np.zeros(0), np.zeros(0)
+            none = Braces(np.zeros((0, modes.omega.size)), np.zeros(0), np.zeros(0))
             return solve_complex_modes(modes, stiffness, damping, none)
+        return solve_complex_modes(self.modes(), self.stiffness_matrix(), *self.linear_damping())
+
+    def linear_damping(self) -> tuple[Array, Braces]:
+        """Return the damping matrix with all linear dampers without a brace, N s/m, and the linear
+        dampers with a brace; power-law dampers are omitted."""
+        if self.system is not None:
+            return self.system.damping, Braces(
+                np.zeros((0, self.stories)), np.zeros(0), np.zeros(0)
+            )
         terms = self.linear_terms[:, :-1]
         is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
         dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)
-        damping = self.damping_matrix() + self._spring_matrix(dampers)
         braced = np.flatnonzero((terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] == 1.0))
-        drifts = self.deformations
-        return solve_complex_modes(
-            self.modes(),
-            self.stiffness_matrix(),
-            damping,
-            (drifts[braced], terms[rows.BRACE, braced], terms[rows.BRACED_DAMPER, braced]),
+        return (
+            self.damping_matrix() + self._spring_matrix(dampers),
+            Braces(
+                self.deformations[braced],
+                terms[rows.BRACE, braced],
+                terms[rows.BRACED_DAMPER, braced],
+            ),
         )
 
     @cached_property

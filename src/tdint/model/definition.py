@@ -6,6 +6,7 @@ problems that are part of tdint, and models with changed parameters, for sweeps 
 
 from __future__ import annotations
 
+import itertools
 import math
 import pathlib
 from collections.abc import Mapping, Sequence
@@ -298,10 +299,26 @@ class Matrices:
 
 @dataclass(frozen=True)
 class Initial:
-    """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one per floor."""
+    """Displacement (m) and velocity (m/s) at t = 0 relative to the ground.
+
+    Attributes
+    ----------
+    displacement, velocity : tuple of float
+        One value per floor.
+    attachments : tuple of (float, float)
+        Displacement and velocity of each attachment; nan for the value of its floor. Empty without
+        values for attachments.
+    """
 
     displacement: tuple[float, ...]
     velocity: tuple[float, ...]
+    attachments: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def moves(self) -> bool:
+        """True if a floor or an attachment is not in its position at rest."""
+        values = (*self.displacement, *self.velocity, *itertools.chain(*self.attachments))
+        return any(value and not math.isnan(value) for value in values)
 
 
 @dataclass(frozen=True)
@@ -457,6 +474,16 @@ class Model:
         """Attachments and links: all springs in addition to the stories."""
         return (*self.attachments, *self.links)
 
+    @property
+    def springs(self) -> tuple[tuple[str, Story], ...]:
+        """Springs of stories, attachments and links, with their labels as in names of parameters,
+        such as `stories[1]` and `links[damper]`."""
+        return (
+            *((f"stories[{number}]", story) for number, story in enumerate(self.stories, start=1)),
+            *((f"attachments[{item.name}]", item.spring) for item in self.attachments),
+            *((f"links[{item.name}]", item.spring) for item in self.links),
+        )
+
     def end_name(self, end: int) -> str:
         """Return the name of an end of a link: ground, the number of a floor, or an attachment.
 
@@ -497,6 +524,10 @@ class Model:
                 f"{self.source}: {subject} does not support attachments and links; use time "
                 "histories, or omit them"
             )
+        self.require_floors(subject)
+
+    def require_floors(self, subject: str) -> None:
+        """Raise UsageError if the model has rows that are not floors, as `require_chain`."""
         if self.rows:
             raise UsageError(
                 f"{self.source}: {subject} is for floors, not for rows of `matrices`; use `tdint "
@@ -587,6 +618,7 @@ class Model:
             )
         # Changes are applied in order; factors multiply values that were set before.
         damping = self.damping
+        springs = [spring for _, spring in self.springs]
         changed: dict[int, dict[Path, float]] = {}  # numbers by the index of their story
         has_changed_law: set[int] = set()  # indices of stories with a changed parameter of a law
         set_by_name: set[tuple[int, Path]] = set()
@@ -594,23 +626,22 @@ class Model:
             check_value(name, value)
             if name == "damping":
                 damping = damped_by(self, value)
-            for change in changes_of(self.name, self.stories, name):
+            for change in changes_of(self.name, self.springs, name):
                 if change.is_superseded(set_by_name):
                     continue
                 change.check(name, value)
                 of_story = changed.setdefault(change.story, {})
                 of_story[change.path] = (
-                    of_story.get(change.path, change.number(self.stories)) * value
+                    of_story.get(change.path, change.number(springs)) * value
                     if change.factor
                     else value * change.scale
                 )
                 if change.sets_law_parameter:
                     has_changed_law.add(change.story)
         # Only changed stories are built again and checked by their laws, as in a file.
-        stories = list(self.stories)
         for i, of_story in changed.items():
-            stories[i] = story_with_numbers(stories[i], of_story, i in has_changed_law)
-            for spring in stories[i].springs:
+            springs[i] = story_with_numbers(springs[i], of_story, i in has_changed_law)
+            for spring in springs[i].springs:
                 law = LAWS[spring.law.name]
                 fault = law.fault(spring.stiffness, spring.law.parameters)
                 first_yield = law.yield_drift(spring.stiffness, spring.law.parameters)
@@ -621,12 +652,22 @@ class Model:
                         f"drift {first_yield:.6g} m"
                     )
                 if fault:
-                    raise UsageError(
-                        f"{self.name}: invalid variation of {spring_label(i, spring)}: {fault}"
-                    )
+                    is_story = i < len(self.stories)
+                    place = spring_label(i, spring) if is_story else self.springs[i][0]
+                    raise UsageError(f"{self.name}: invalid variation of {place}: {fault}")
         # A parameter that has been changed before keeps its position and gets the new value.
         varied = tuple({**dict(self.varied_parameters), **numbers}.items())
-        return replace(self, stories=tuple(stories), damping=damping, varied_parameters=varied)
+        changed_springs = iter(springs[len(self.stories) :])
+        return replace(
+            self,
+            stories=tuple(springs[: len(self.stories)]),
+            attachments=tuple(
+                item._replace(spring=next(changed_springs)) for item in self.attachments
+            ),
+            links=tuple(item._replace(spring=next(changed_springs)) for item in self.links),
+            damping=damping,
+            varied_parameters=varied,
+        )
 
     def __repr__(self) -> str:
         count = len(self.stories)

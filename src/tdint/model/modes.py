@@ -195,36 +195,60 @@ class ComplexModes(NamedTuple):
         return np.asarray(2.0 * math.pi / self.eigenvalues.imag)
 
 
-def solve_complex_modes(
-    modes: Modes, stiffness: Array, damping: Array, braces: tuple[Array, Array, Array]
-) -> ComplexModes:
-    """Compute the damped modes of a building from its state matrix.
+class Braces(NamedTuple):
+    """Linear dampers in series with a brace.
 
-    The state contains the displacements u, the velocities v and the forces f of the dampers with
-    braces:
+    Attributes
+    ----------
+    drifts : ndarray, shape (b, n)
+        Rows of B, which give the drifts of the dampers.
+    stiffness : ndarray, shape (b,)
+        Stiffnesses k of the braces, N/m.
+    coefficient : ndarray, shape (b,)
+        Coefficients c of the dampers, N s/m.
+    """
+
+    drifts: Array
+    stiffness: Array
+    coefficient: Array
+
+
+def state_matrix(mass: Array, stiffness: Array, damping: Array, braces: Braces) -> Array:
+    """Return the matrix of the state of displacements u, velocities v and forces f of braces:
 
         M v' = -K u - C v - B^T f,   f' = k (B v - f / c)
 
     Parameters
     ----------
-    modes : Modes
-        Undamped modes. Each receives the damped mode with the most similar shape.
+    mass : ndarray, shape (n,) or (n, n)
+        Diagonal of the mass matrix, or the matrix, kg.
     stiffness, damping : ndarray, shape (n, n)
         Matrices K (N/m) and C (N s/m).
-    braces : tuple of ndarray, shapes (b, n), (b,) and (b,)
-        Rows of B, which give the drifts of the dampers; stiffnesses k of the braces, N/m, and
-        coefficients c of the dampers, N s/m.
+    """
+    drifts, brace, damper = braces
+    n, b = len(mass), brace.size
+    state = np.zeros((2 * n + b, 2 * n + b))
+    state[:n, n : 2 * n] = np.eye(n)
+    forces = np.hstack([stiffness, damping, drifts.T])
+    state[n : 2 * n] = -(
+        forces / mass[:, None] if mass.ndim == 1 else np.linalg.solve(mass, forces)
+    )
+    state[2 * n :, n : 2 * n] = brace[:, None] * drifts
+    state[2 * n :, 2 * n :] = -np.diag(brace / damper)
+    return state
+
+
+def solve_complex_modes(
+    modes: Modes, stiffness: Array, damping: Array, braces: Braces
+) -> ComplexModes:
+    """Compute the damped modes of a building from its `state_matrix`.
+
+    Each of the undamped `modes` receives the damped mode with the most similar shape.
     """
     from scipy.linalg import eig
 
-    drifts, brace, damper = braces
-    mass, n, b = modes.mass, modes.mass.size, brace.size
-    state = np.zeros((2 * n + b, 2 * n + b))
-    state[:n, n : 2 * n] = np.eye(n)
-    state[n : 2 * n] = -np.hstack([stiffness, damping, drifts.T]) / mass[:, None]
-    state[2 * n :, n : 2 * n] = brace[:, None] * drifts
-    state[2 * n :, 2 * n :] = -np.diag(brace / damper)
-    eigenvalues, vectors = eig(state)
+    mass, n = modes.mass, modes.mass.size
+    eigenvalues, vectors = eig(state_matrix(mass, stiffness, damping, braces))
     # Of each conjugate pair, the eigenvalue with the positive imaginary part. Rounding errors of a
     # double real eigenvalue may be imaginary.
     vibrates = eigenvalues.imag > _VIBRATES * np.abs(eigenvalues)

@@ -31,6 +31,10 @@ _STORY_PARAMETER = r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)"
 """Pattern of a parameter of stories. Its groups are the number of the story in `stories[3].mass`,
 the number in `story 3.mass` (both None for all stories), and the key of the parameter."""
 
+_DEVICE_PARAMETER = r"((?:attachments|links)\[[^\]]+\])\.(\w.*)"
+"""Pattern of a parameter of an attachment or a link. Its groups are the label of the spring, such
+as `links[damper]` (`Model.springs`), and the key of the parameter."""
+
 _ELEMENT_PARAMETER = r"elements\[[^\]]+\]\.\w"
 """Pattern of the start of the key of a parameter of an element, such as
 `elements[bearings].yield_force`."""
@@ -45,7 +49,7 @@ class Change(NamedTuple):
     Attributes
     ----------
     story : int
-        Index of the story.
+        Index of the story, or of the spring of an attachment or a link (`Model.springs`).
     path : tuple of str or int
         Attributes and indices that lead from the story to the number.
     factor : bool
@@ -125,10 +129,10 @@ def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
     If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
     """
     changes: dict[str, list[Change]] = {
-        "mass_factor": [Change(i, ("mass",), factor=True)],
+        "mass_factor": [Change(i, ("mass",), factor=True)] if story.mass else [],
         "stiffness_factor": [],
         "strength_factor": [],
-        "mass": [Change(i, ("mass",))],
+        "mass": [Change(i, ("mass",))] if story.mass else [],
         "height": [] if story.height is None else [Change(i, ("height",))],
         "stiffness": [],
         "dashpot": [] if story.power_dashpot else [Change(i, ("dashpot",))],
@@ -140,7 +144,7 @@ def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
         to_spring: Path = ("elements", number - 1) if story.elements else ()
         has_stiffness = LAWS[spring.law.name].initial_stiffness is not None
         changes["stiffness_factor"].append(Change(i, (*to_spring, "stiffness"), factor=True))
-        if not (has_stiffness or story.elements):
+        if story.stiffness and not (has_stiffness or story.elements):
             changes["stiffness"].append(Change(i, ("stiffness",)))
         # An element has two prefixes: its number, counted from 1, and its name. The law of a story
         # is its first element.
@@ -178,20 +182,22 @@ def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
 
 
 @lru_cache(maxsize=64)  # all samples of a study change the same parameters
-def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Change]:
-    """Return the changes of the values of stories that a parameter causes; empty for `damping`.
+def changes_of(building: str, springs: tuple[tuple[str, Story], ...], name: str) -> list[Change]:
+    """Return the changes of the values of springs that a parameter causes; empty for `damping`.
 
     Parameters
     ----------
     building : str
         Name of the building, for messages.
+    springs : tuple of (str, Story)
+        Labels and springs of the stories, attachments and links (`Model.springs`).
     name : str
         Name of the parameter, as for `Model.replace`.
 
     Raises
     ------
     UsageError
-        The name is unknown, the story does not exist, or no story has the parameter.
+        The name is unknown, the story or device does not exist, or it does not have the parameter.
     """
     check_parameter(name)
     if name == "damping":
@@ -202,23 +208,35 @@ def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Chang
     number, key = None, name
     if story_match:
         number, key = story_match[1] or story_match[2], story_match[3]
-    if number and not 1 <= int(number) <= len(stories):
-        hint = "" if int(number) else "; counting starts at 1"
-        raise UsageError(
-            f"{name}: story not found; {building} has {pluralize(len(stories), 'story')}{hint}"
-        )
-    indices = [int(number) - 1] if number else range(len(stories))
-    changes_by_story = [_changes_by_parameter(i, stories[i]) for i in indices]
+    device_match = re.fullmatch(_DEVICE_PARAMETER, name)
+    labels = [label for label, _ in springs]
+    if device_match:
+        label, key = device_match.groups()
+        if label not in labels:
+            devices = [label for label in labels if not label.startswith("stories")]
+            hint = did_you_mean(label, devices)
+            raise UsageError(
+                f"{name}: {label} not found in {building}{hint} (available: "
+                f"{', '.join(devices) or 'no attachments and links'})"
+            )
+        indices, place = [labels.index(label)], f"{label} of {building}"
+    else:
+        count = sum(label.startswith("stories") for label in labels)
+        if number and not 1 <= int(number) <= count:
+            hint = "" if int(number) else "; counting starts at 1"
+            raise UsageError(
+                f"{name}: story not found; {building} has {pluralize(count, 'story')}{hint}"
+            )
+        indices = [int(number) - 1] if number else [*range(count)]
+        place = f"story {number} of {building}" if number else ""
+    changes_by_story = [_changes_by_parameter(i, springs[i][1]) for i in indices]
     changes = [change for by_name in changes_by_story for change in by_name.get(key, ())]
     if changes:
         return changes
     if key == "strength_factor":
-        stories_without_strength = (
-            f"story {number} of {building}" if number else f"every story of {building}"
-        )
         raise UsageError(
-            f"{name} has no effect: the law of {stories_without_strength} has no strength; use "
-            "a law with a strength, or change another parameter"
+            f"{name} has no effect: the law of {place or f'every story of {building}'} has no "
+            "strength; use a law with a strength, or change another parameter"
         )
     available: dict[str, None] = {}
     for story_changes in changes_by_story:
@@ -227,9 +245,7 @@ def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Chang
         )
     # An element is listed by its name only.
     names = [parameter for parameter in available if not re.match(_ELEMENT_NUMBER, parameter)]
-    story_has_no = (
-        f"story {number} of {building} has no" if number else f"no story of {building} has a"
-    )
+    story_has_no = f"{place} has no" if place else f"no story of {building} has a"
     hint = "; counting starts at 1" if key.startswith("elements[0]") else did_you_mean(key, names)
     raise UsageError(
         f"{name}: {story_has_no} parameter {key!r} that can be changed{hint} "
@@ -250,8 +266,10 @@ PARAMETERS = {
 
 def parameter_meaning(name: str) -> str:
     """Return the description of a parameter of the building or of its stories."""
-    story_match = re.fullmatch(_STORY_PARAMETER, name)
-    key = story_match[3] if story_match else name
+    key = name
+    for pattern in (_STORY_PARAMETER, _DEVICE_PARAMETER):
+        if match := re.fullmatch(pattern, name):
+            key = match.groups()[-1]
     return PARAMETERS.get(key, f"{key} of the model file, in SI units")
 
 
@@ -260,13 +278,14 @@ def check_parameter(name: str) -> None:
 
     The names of the parameters of a law are not checked.
     """
+    device_match = re.fullmatch(_DEVICE_PARAMETER, name)
     story_match = re.fullmatch(_STORY_PARAMETER, name)
-    key = story_match[3] if story_match else ""
+    key = story_match[3] if story_match else device_match[2] if device_match else ""
     if name in PARAMETERS or key in _STORY_KEYS or key in _FACTOR_NAMES:
         return
     if key.startswith("law.") or re.match(_ELEMENT_PARAMETER, key):
         return
-    similar_key = nearest(key, (*_STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
+    similar_key = nearest(key, (*_STORY_KEYS, *_FACTOR_NAMES)) if key else None
     # The hint is the name with its key, which is at the end of the name, replaced.
     hint = (
         f"; did you mean {name[: -len(key)] + similar_key!r}?"
@@ -276,7 +295,7 @@ def check_parameter(name: str) -> None:
     names = ", ".join(PARAMETERS)
     raise UsageError(
         f"unknown parameter {name!r}{hint}; available: {names}, and parameters of one story, "
-        "`stories[3].NAME`"
+        "`stories[3].NAME`, attachment or link, `attachments[tmd].NAME`"
     )
 
 

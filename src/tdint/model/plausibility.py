@@ -857,6 +857,17 @@ def model_notes(model: Model) -> list[str]:
             f"without mass: {abbreviate(massless, _MAX_LISTED)}; the displacements follow the "
             "other floors statically"
         )
+    if model.initial.moves and (
+        followers := [
+            item.name
+            for i, item in enumerate(model.attachments)
+            if not model.initial.attachments or all(map(math.isnan, model.initial.attachments[i]))
+        ]
+    ):
+        notes.append(
+            f"start with the motion of their floors: {abbreviate(followers, _MAX_LISTED)} "
+            "(`initial: {attachments: ...}` states another motion)"
+        )
     if isinstance(model.damping, ModalDamping):
         ratios, count = model.damping.ratios, len(model.stories)
         if 1 < len(ratios) < count and ratios[-1] > 0.0:

@@ -12,6 +12,7 @@ entry.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -98,14 +99,18 @@ def store_ends(linear_terms: Array, ends: Sequence[Ends]) -> None:
             linear_terms[rows.FIRST_TIED, upper] = i
 
 
-def extended(linear_terms: Array, floor_values: Array) -> Array:
-    """Return the initial displacements or velocities of all columns: attachments start with the
-    motion of their floors."""
+def extended(
+    linear_terms: Array, floor_values: Sequence[float], attachment_values: Sequence[float]
+) -> Array:
+    """Return the initial displacements or velocities of all columns: attachments without a value
+    (nan) start with the motion of their floors."""
     values = np.zeros(linear_terms.shape[1] - 1)
-    values[: len(floor_values)] = floor_values
+    given = (*floor_values, *attachment_values)
+    values[: len(given)] = given
     for i in range(len(floor_values), len(values)):
-        upper = int(linear_terms[rows.UPPER_FLOOR, i])
-        values[i] = values[upper if upper != i else int(linear_terms[rows.BASE, i])]
+        if i >= len(given) or math.isnan(values[i]):
+            upper = int(linear_terms[rows.UPPER_FLOOR, i])
+            values[i] = values[upper if upper != i else int(linear_terms[rows.BASE, i])]
     return values
 
 

@@ -18,7 +18,7 @@ from tdint.ground_motion.record import Record
 from tdint.model.definition import damped_by
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.response.arguments import named_sample, numbers_of
-from tdint.response.runs.batch import Subject
+from tdint.response.runs.batch import NO_MOTION, Subject
 from tdint.response.runs.many_results import SCALE, RunSpec
 from tdint.response.time_steps import Steps
 
@@ -89,7 +89,7 @@ class RunsRequest:
             extremes = {float(values.min()), float(values.max())} if numbers else set[float]()
             for subject in self.subjects:
                 for change, value in combined(
-                    changes_of(subject.model.name, subject.model.stories, name), sorted(extremes)
+                    changes_of(subject.model.name, subject.model.springs, name), sorted(extremes)
                 ):
                     with named_sample(numbers, value, checked):
                         change.check(name, value)
@@ -146,6 +146,8 @@ def plan_runs(
     factors = numbers_of(scales, "scales").tolist()
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
+    if NO_MOTION in request.records and (factors != [1.0] or SCALE in request.vary):
+        raise UsageError("scales: there is no ground motion to scale; give records")
     request.check_draws(invalid)
     record_scales = request.vary.get(SCALE, np.ones(request.draws)).tolist()
     for draw, factor in enumerate(record_scales):

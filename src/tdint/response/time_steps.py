@@ -18,8 +18,7 @@ _STEP_TOLERANCE = 1e-9
 
 def moves_without_record(model: Model) -> bool:
     """Return True if a building moves without a ground motion: forces, or initial values."""
-    initial = model.initial
-    return model.excitation.has_forces or any((*initial.displacement, *initial.velocity))
+    return model.excitation.has_forces or model.initial.moves
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ from tdint.model.config.sections import (
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.definition import (
     Analysis,
+    Attachment,
     Damping,
     Excitation,
     Force,
@@ -318,12 +319,23 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None, names: Sequen
 
 # ---- Model file
 
+_OF_ATTACHMENT = Keys(
+    (
+        Key("displacement", ANY, "relative to the ground; default: that of its floor"),
+        Key("velocity", ANY, "relative to the ground; default: that of its floor"),
+    )
+)
 _INITIAL = Keys(
     (
         Key(
             "displacement", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"
         ),
         Key("velocity", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"),
+        Key(
+            "attachments",
+            NamedEntries(_OF_ATTACHMENT, least=1),
+            "displacement and velocity of attachments by their names",
+        ),
     )
 )
 _ANALYSIS = Keys(
@@ -574,7 +586,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         damping=damping,
         p_delta=p_delta,
         excitation=read_excitation(excitation, unit, count, matrices.names if matrices else ()),
-        initial=_read_initial(section.inner("initial"), unit, count),
+        initial=_read_initial(section.inner("initial"), unit, count, attachments),
         analysis=Analysis(*map(section.inner("analysis").read, _ANALYSIS)),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=output_units,
@@ -623,17 +635,35 @@ def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUni
     return SI, unit.named
 
 
-def _read_initial(section: Section, unit: ModelUnits, count: int | None) -> Initial:
-    """Return the initial state of the floors, m and m/s; zero by default."""
+def _read_initial(
+    section: Section, unit: ModelUnits, count: int | None, attachments: Sequence[Attachment]
+) -> Initial:
+    """Return the initial state of the floors and attachments, m and m/s; zero by default."""
     states: list[tuple[float, ...]] = []
-    for name in _INITIAL:
+    for name in ("displacement", "velocity"):
         entry = section.get(name)
         items = entry.items("a list with one number per story") if entry else None
         if entry and items is not None and count is not None and len(items) != count:
             entry.fault(f"must have one number per story ({count}), got {len(items)}")
         values = tuple(item.number(scale=unit.length) for item in items or ())
         states.append(values if entry else (0.0,) * (count or 0))
-    return Initial(*states)
+    form = "a mapping of attachments to displacement and velocity"
+    entry = section.get("attachments")
+    entries = (entry.named(form, f"is empty; give {form}") if entry else None) or {}
+    names = [item.name for item in attachments]
+    for name in entries.keys() - {*names}:
+        known = f" (known: {', '.join(names)})" if names else "; the model has no attachments"
+        entries[name].fault(f"attachment {name!r} not found{known}")
+    parts = [entries[name].section(_OF_ATTACHMENT) if name in entries else None for name in names]
+    of_attachments = tuple(
+        (
+            part.number("displacement", scale=unit.length, default=math.nan) if part else math.nan,
+            part.number("velocity", scale=unit.length, default=math.nan) if part else math.nan,
+        )
+        for part in parts
+    )
+    displacement, velocity = states
+    return Initial(displacement, velocity, of_attachments if entries else ())
 
 
 def _read_stories(

@@ -159,20 +159,24 @@ _MIN_DISTANCE = 0.2  # minimum difference of ln period between numbered modes
 
 
 def transfer_picture(result: TransferFunction, units: OutputUnits = SI) -> Figure:
-    """Plot amplitudes and phases of the floors over the frequency, at most `_MAX_LINES` floors."""
+    """Plot amplitudes and phases over the frequency: of the attachments, and of floors, at most
+    `_MAX_LINES` in total, but always of the roof."""
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     amplitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-    floors = result.response.shape[1]
-    # The roof is first, and further floors are evenly spaced below it.
-    shown = np.unique(np.rint(np.linspace(floors, 1, min(floors, _MAX_LINES))).astype(int))[::-1]
+    floors, devices = len(result.model.stories), len(result.model.attachments)
+    # The roof is first, further floors are evenly spaced below it, and attachments follow.
+    count = max(1, min(floors, _MAX_LINES - devices))
+    of_floors = np.unique(np.rint(np.linspace(floors, 1, count)).astype(int))[::-1] - 1
+    shown = [*of_floors.tolist(), *range(floors, floors + min(devices, _MAX_LINES - 1))]
     unit = "1" if result.source == "ground" else "m/N"
     values = units.of(result.amplitude, unit)
-    for number, floor in enumerate(shown.tolist()):
-        label = "roof" if floor == floors else f"floor {floor}"
+    for number, i in enumerate(shown):
+        label = "roof" if i == floors - 1 else result.labels[i]
         style = line_style(number)
-        amplitude.plot(result.frequency, values[:, floor - 1], label=label, **style)
+        text = label if isinstance(label, str) else f"floor {label}"
+        amplitude.plot(result.frequency, values[:, i], label=text, **style)
         # A jump from -180 to 180 degrees is not plotted as a line.
-        degrees = result.phase[:, floor - 1].copy()
+        degrees = result.phase[:, i].copy()
         degrees[1:][np.abs(np.diff(degrees)) > 180.0] = math.nan
         phase.plot(result.frequency, degrees, **style)
     text = "floor acceleration / ground acceleration"
@@ -188,7 +192,7 @@ def transfer_picture(result: TransferFunction, units: OutputUnits = SI) -> Figur
     return titled(figure, f"{result.model.name}\nTransfer functions, initial stiffness")
 
 
-_MAX_LINES = 4  # maximum number of floors with a line
+_MAX_LINES = 4  # maximum number of floors and attachments with a line
 _MIN_AMPLITUDE = 1e-5  # minimum amplitude in the figure divided by the maximum
 
 

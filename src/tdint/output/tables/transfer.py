@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tdint.model.story import column_name
 from tdint.output.tables.table import Column, Table, elements_of
 from tdint.units import suffix
 
@@ -13,9 +15,9 @@ if TYPE_CHECKING:
     from tdint.response.spectra.transfer import TransferFunction
 
 
-def transfer_columns(floors: int, source: str | int) -> tuple[Column, ...]:
-    """Return the columns of transfer functions: frequency, and amplitude and phase of each
-    floor."""
+def transfer_columns(labels: Sequence[int | str], source: str | int) -> tuple[Column, ...]:
+    """Return the columns of transfer functions: frequency, and amplitude and phase of each floor
+    and attachment, given by their numbers and names."""
     unit, meaning = "m/N", f"displacement divided by the force on floor {source}"
     if source == "ground":
         unit, meaning = "1", "absolute acceleration divided by the ground acceleration"
@@ -23,18 +25,19 @@ def transfer_columns(floors: int, source: str | int) -> tuple[Column, ...]:
         Column.named("frequency", "frequency of the harmonic motion", "Hz"),
         *(
             column
-            for floor in range(1, floors + 1)
+            for i, label in enumerate(labels)
+            for name in [column_name(label) if isinstance(label, str) else f"floor_{label}"]
             for column in (
                 Column(
-                    f"floor_{floor}_amplitude{suffix(unit)}",
+                    f"{name}_amplitude{suffix(unit)}",
                     unit,
-                    elements_of("amplitude", np.s_[:, floor - 1]),
+                    elements_of("amplitude", np.s_[:, i]),
                     f"amplitude of the floor: {meaning}",
                 ),
                 Column(
-                    f"floor_{floor}_phase_deg",
+                    f"{name}_phase_deg",
                     "degree",
-                    elements_of("phase", np.s_[:, floor - 1]),
+                    elements_of("phase", np.s_[:, i]),
                     "phase of the floor, negative for a delay",
                 ),
             )
@@ -44,12 +47,12 @@ def transfer_columns(floors: int, source: str | int) -> tuple[Column, ...]:
 
 def transfer_table(result: TransferFunction) -> Table:
     """Return the table of transfer functions, with one row per frequency."""
-    columns = transfer_columns(result.response.shape[1], result.source)
+    columns = transfer_columns(result.labels, result.source)
     return Table.of_results(columns, [result])
 
 
 RESONANCE = (
-    Column.named("floor", "floor, numbered from the ground"),
+    Column.named("floor", "floor, numbered from the ground, or name of the attachment"),
     Column.named("frequency", "frequency of the maximum amplitude", "Hz"),
     Column.named("amplitude", "maximum absolute acceleration over ground acceleration"),
 )
@@ -60,6 +63,7 @@ RESONANCE_OF_FORCE = (
 
 
 def resonance_table(result: TransferFunction) -> Table:
-    """Return the table of the maximum amplitudes, with one row per floor from the ground."""
+    """Return the table of the maximum amplitudes, with one row per floor from the ground and per
+    attachment."""
     columns = RESONANCE if result.source == "ground" else RESONANCE_OF_FORCE
     return Table.of_results(columns, result.maxima)

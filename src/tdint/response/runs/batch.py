@@ -59,6 +59,11 @@ _parse_cached = lru_cache(maxsize=64)(parse)
 """`parse` with a cache, because thousands of buildings may have the same method."""
 
 
+NO_MOTION = Record(np.zeros(2), 1.0, start="", id="", component="", source="")
+"""Ground motion of runs under forces on floors or from an initial motion only. Its sampling
+interval has no meaning: time steps are chosen as without a record."""
+
+
 @dataclass(frozen=True)
 class Subject:
     """Building with the method that integrates it, and cached properties of both.
@@ -90,6 +95,7 @@ class Subject:
         """
         if isinstance(record, LoadCase):
             return self.loaded(record, scale).case(None)
+        record = None if record is NO_MOTION else record
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
         return Case(self.model, self.prepared, scaled, self.integrator)
 

@@ -425,8 +425,7 @@ def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks
     StoryPeaks | None
         None if the building is at rest at the start, or if this short run fails.
     """
-    initial = case.model.initial
-    if not any((*initial.displacement, *initial.velocity)):
+    if not case.model.initial.moves:
         return None
     short = reference_steps(case, replace(steps, count=min(_START, steps.count)))
     for _ in range(_START_HALVINGS):

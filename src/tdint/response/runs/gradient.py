@@ -114,9 +114,10 @@ def number_at(model: Model, name: str) -> float:
                 "damping"
             )
     else:
+        springs = [spring for _, spring in model.springs]
         numbers = {
-            1.0 if change.factor else change.number(model.stories) / change.scale
-            for change in changes_of(model.name, model.stories, name)
+            1.0 if change.factor else change.number(springs) / change.scale
+            for change in changes_of(model.name, model.springs, name)
         }
     if len(numbers) > 1:
         values = ", ".join(f"{number:.6g}" for number in sorted(numbers))
@@ -144,12 +145,12 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
         range.
     """
     size = SIZE * abs(value)
-    changes = [] if name == SCALE else changes_of(model.name, model.stories, name)
+    changes = [] if name == SCALE else changes_of(model.name, model.springs, name)
     if not size:
         # `force` and `length` are the powers of these dimensions in the unit of the parameter: both
         # are 0 for a dimensionless parameter.
         bounds = changes[0].bounds if changes else None
-        story = model.stories[changes[0].story if changes else 0]
+        story = model.springs[changes[0].story if changes else 0][1]
         if changes and changes[0].path == ("dashpot",):
             size = SIZE * math.sqrt(story.stiffness * story.mass)
         elif name == "damping" or (bounds and not bounds.force and not bounds.length):

@@ -327,12 +327,12 @@ class PreparedBuilding:
             P-delta exceeds the stiffness of a story.
         """
         forces, points = load_arrays(model.excitation)
-        building = assemble(model)
+        building, start = assemble(model), model.initial
         return cls(
             building,
             forces,
-            extended(building.linear_terms, np.array(model.initial.displacement)),
-            extended(building.linear_terms, np.array(model.initial.velocity)),
+            extended(building.linear_terms, start.displacement, [u for u, _ in start.attachments]),
+            extended(building.linear_terms, start.velocity, [v for _, v in start.attachments]),
             model.collapse_drift,
             points,
         )

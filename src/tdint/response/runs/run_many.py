@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.joined import JoinedRecord
+from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import method_of
+from tdint.model.definition import Model
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.response.arguments import (
     AnyModel,
@@ -26,11 +28,12 @@ from tdint.response.arguments import (
     for_each_method,
     is_list,
     model_of,
+    model_record,
     number_of,
     record_of,
 )
 from tdint.response.run_plan import RunsRequest, plan_runs
-from tdint.response.runs.batch import Subject, run_batch, samples_of
+from tdint.response.runs.batch import NO_MOTION, Subject, run_batch, samples_of
 from tdint.response.runs.gradient import differentiate
 from tdint.response.runs.history import HISTORIES
 from tdint.response.runs.many_results import (
@@ -71,7 +74,7 @@ class _Options(TypedDict, total=False):
 @overload
 def run_many(
     models: AnyModel | Sequence[AnyModel],
-    records: AnyRecord | Sequence[AnyRecord],
+    records: AnyRecord | Sequence[AnyRecord] | None = None,
     *,
     method: str | None = None,
     dt: float | None = None,
@@ -82,7 +85,7 @@ def run_many(
 @overload
 def run_many(
     models: AnyModel | Sequence[AnyModel],
-    records: AnyRecord | Sequence[AnyRecord],
+    records: AnyRecord | Sequence[AnyRecord] | None = None,
     *,
     method: list[str] | tuple[str, ...],
     dt: float | Numbers | None = None,
@@ -93,7 +96,7 @@ def run_many(
 @overload
 def run_many(
     models: AnyModel | Sequence[AnyModel],
-    records: AnyRecord | Sequence[AnyRecord],
+    records: AnyRecord | Sequence[AnyRecord] | None = None,
     *,
     method: str | None = None,
     dt: Numbers,
@@ -103,7 +106,7 @@ def run_many(
 
 def run_many(
     models: AnyModel | Sequence[AnyModel],
-    records: AnyRecord | Sequence[AnyRecord],
+    records: AnyRecord | Sequence[AnyRecord] | None = None,
     *,
     scales: float | Numbers | Iterable[float] = 1.0,
     zip_records: bool = False,
@@ -133,7 +136,8 @@ def run_many(
     Parameters
     ----------
     models, records : one or a sequence
-        Arguments that `run` accepts.
+        Arguments that `run` accepts. Without records, the model's record is used; a model without
+        a record runs under its forces or from its initial motion.
     scales : float or sequence of float, default 1
         Factors on the ground accelerations, not zero.
     zip_records : bool, default False
@@ -169,8 +173,9 @@ def run_many(
         `strength_factor`; for story 3 (counted from 1; without a number, for all stories)
         `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`,
         `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the
-        three factors; and `record.scale`, a factor on the scales. `Runs.varied` contains the values
-        of each run.
+        three factors; the same keys of an attachment or a link by its name, `attachments[tmd].mass`
+        or `links[damper].dashpot`; and `record.scale`, a factor on the scales. `Runs.varied`
+        contains the values of each run.
     product : bool, default False
         Use all combinations of the values of `vary`, with the last name varying fastest, instead of
         samples.
@@ -265,7 +270,7 @@ def _requested(
     history, every, out = kept
     parameters = samples_of(vary, product)
     buildings = [model_of(model) for model in as_sequence(models, "models")]
-    motions = tuple(map(record_of, as_sequence(records, "records")))
+    motions = _motions(buildings, records)
     if any(isinstance(record, JoinedRecord) for record in motions):
         raise UsageError("run_many does not support sequences: use run_sequence")
     subjects = tuple(Subject(model, method_of(model, method)) for model in buildings)
@@ -302,6 +307,18 @@ def _requested(
             result.failures[run.number] = invalid[run.model, run.draw]
     plan = [run for run in plan if (run.model, run.draw) not in invalid]
     return request, plan, result, threads, file
+
+
+def _motions(models: Sequence[Model], records: Any) -> tuple[Record, ...]:
+    """Return the ground motions of the argument `records` of `run_many`: without records, the
+    record of the model, or the ground at rest."""
+    if records is not None:
+        return tuple(map(record_of, as_sequence(records, "records")))
+    if any(model.excitation.record for model in models):
+        if len(models) > 1:
+            raise UsageError("run_many: several models with records need the argument records")
+        return (model_record(models[0]) or NO_MOTION,)
+    return (NO_MOTION,)
 
 
 INTERRUPTED = "interrupted"

@@ -39,9 +39,10 @@ _MIN_HALVINGS, _MAX_HALVINGS = 6, 12
 
 
 class Resonance(NamedTuple):
-    """Maximum amplitude of a floor: number of the floor, frequency (Hz), and amplitude."""
+    """Maximum amplitude of a floor: number of the floor or name of the attachment, frequency (Hz),
+    and amplitude."""
 
-    floor: int
+    floor: int | str
     frequency: float
     amplitude: float
 
@@ -59,9 +60,9 @@ class TransferFunction(Tabular):
     frequency : ndarray, shape (k,)
         Frequencies, Hz.
     response : ndarray of complex, shape (k, n)
-        Absolute acceleration of each floor divided by the ground acceleration, or displacement of
-        each floor divided by the force, m/N. The time factor is exp(2 pi i f t), so that a
-        negative phase is a delay.
+        Absolute acceleration of each floor and then of each attachment divided by the ground
+        acceleration, or displacement divided by the force, m/N. The time factor is
+        exp(2 pi i f t), so that a negative phase is a delay.
     is_damped : bool
         False if a mode is undamped, so that the amplitude at its frequency is unbounded.
     """
@@ -73,7 +74,7 @@ class TransferFunction(Tabular):
     is_damped: bool
 
     def _headline(self) -> str:
-        roof = self.maxima[-1]
+        roof = self.roof
         unit = "" if self.source == GROUND else " m/N"
         source = GROUND if self.source == GROUND else f"a force on floor {self.source}"
         return (
@@ -93,13 +94,25 @@ class TransferFunction(Tabular):
 
     @property
     def maxima(self) -> list[Resonance]:
-        """Maximum amplitude of each floor, from the ground."""
+        """Maximum amplitude of each floor, from the ground, and of each attachment."""
         amplitude = self.amplitude
-        index = np.argmax(amplitude, axis=0)
         return [
-            Resonance(floor + 1, float(self.frequency[i]), float(amplitude[i, floor]))
-            for floor, i in enumerate(index.tolist())
+            Resonance(label, float(self.frequency[i]), float(amplitude[i, column]))
+            for column, (label, i) in enumerate(
+                zip(self.labels, np.argmax(amplitude, axis=0).tolist(), strict=True)
+            )
         ]
+
+    @property
+    def labels(self) -> tuple[int | str, ...]:
+        """Numbers of the floors from the ground, then names of the attachments."""
+        floors = range(1, len(self.model.stories) + 1)
+        return (*floors, *(item.name for item in self.model.attachments))
+
+    @property
+    def roof(self) -> Resonance:
+        """Maximum amplitude of the roof."""
+        return self.maxima[len(self.model.stories) - 1]
 
 
 def transfer_function(
@@ -132,15 +145,15 @@ def transfer_function(
         The floor does not exist, or a frequency is not positive.
     """
     model = model_of(model)
-    model.require_chain("the transfer function")
+    model.require_floors("the transfer function")
     building = assemble(model)
-    is_floor = isinstance(source, int) and 1 <= source <= building.stories
+    is_floor = isinstance(source, int) and 1 <= source <= building.floors
     if source != GROUND and not is_floor:
         raise UsageError(
-            f"source: the force must be on a floor from 1 to {building.stories}, or the source "
+            f"source: the force must be on a floor from 1 to {building.floors}, or the source "
             f"must be {GROUND}, got {source!r:.40}"
         )
-    _check_dampers(model, building)
+    check_dampers(model, building, "transfer function")
     if not building.modes().omega[0]:
         raise ModelError(
             f"{model.name}: the transfer function needs the periods, and a story has no initial "
@@ -159,18 +172,22 @@ def transfer_function(
     return TransferFunction(model, source, frequency, response, is_damped)
 
 
-def _check_dampers(model: Model, building: Building) -> None:
-    """Raise ModelError if the force of a damper is not proportional to the velocity."""
+def check_dampers(model: Model, building: Building, subject: str) -> None:
+    """Raise ModelError if the force of a damper is not proportional to the velocity, so that the
+    building has no `subject`."""
     terms = building.linear_terms[:, :-1]
     is_power = (terms[rows.POWER_DAMPER] != 0.0) & (terms[rows.POWER] != 0.0)
     is_power |= (terms[rows.BRACE] != 0.0) & (
         (terms[rows.BRACED_EXPONENT] != 1.0) | (terms[rows.BRACED_RELIEF] != 0.0)
     )
     if is_power.any():
+        i = int(np.argmax(is_power))
+        devices = [item.name for item in model.devices]
+        place = f"story {i + 1}" if i < building.floors else devices[i - building.floors]
         raise ModelError(
-            f"{model.name}: story {int(np.argmax(is_power)) + 1} has a power-law dashpot, whose "
-            "damping depends on the amplitude, so that it has no transfer function; use a dashpot "
-            "with exponent 1"
+            f"{model.name}: {place} has a power-law dashpot, whose damping depends on the "
+            f"amplitude, so that it has no {subject}; use a dashpot with "
+            "exponent 1"
         )
 
 
@@ -187,13 +204,15 @@ class _DynamicStiffness:
         )
         self.brace = terms[rows.BRACE]
         self.braced_damper = np.where(self.brace != 0.0, terms[rows.BRACED_DAMPER], 0.0)
+        masses = building.masses
         # Damping between several floors, N s/m; zero without modal damping.
-        self.coupling = building.modal[:, :-1].T @ building.modal[:, :-1]
-        self.floor_damper = terms[rows.FLOOR_DAMPER]
+        self.coupling = building.modal[:, :masses].T @ building.modal[:, :masses]
+        self.floor_damper = terms[rows.FLOOR_DAMPER, :masses]
 
     def response(self, frequency: Array) -> Array:
         """Return the responses of all floors at frequencies (Hz), shape (k, n)."""
-        solve = self._dense if self.building.modal.size else self._banded
+        is_chain = not (self.building.modal.size or self.building.branched)
+        solve = self._banded if is_chain else self._dense
         if self.building.system is not None:
             solve = self._of_system
         return np.array([solve(2.0 * math.pi * value) for value in frequency])
@@ -205,51 +224,54 @@ class _DynamicStiffness:
         assert system is not None
         matrix = system.stiffness + 1j * omega * system.damping - omega**2 * system.mass
         if self.source != GROUND:
-            load = np.zeros(len(matrix))
-            load[int(self.source) - 1] = 1.0
-            return np.asarray(np.linalg.solve(matrix, load))
+            return np.asarray(np.linalg.solve(matrix, self._unit_force(len(matrix))))
         load = omega**2 * system.mass @ system.influence
         return np.asarray(np.linalg.solve(matrix, load) + system.influence)
 
-    def _diagonals(self, omega: float) -> tuple[Array, Array, Array]:
-        """Return the diagonal of the stiffness and damping of stories and floors, the off-diagonal
-        above it, and the stiffness of the stories, N/m."""
+    def _unit_force(self, size: int) -> Array:
+        """Return a unit force on the floor of the source, N."""
+        load = np.zeros(size, dtype=complex)
+        load[int(self.source) - 1] = 1.0
+        return load
+
+    def _springs(self, omega: float) -> Array:
+        """Return the complex stiffness of each spring with its dampers and braces, N/m."""
         rate = 1j * omega * self.braced_damper
         series = np.divide(
             self.brace * rate, self.brace + rate, out=np.zeros_like(rate), where=self.brace != 0.0
         )
-        story = self.building.initial_stiffness + 1j * omega * self.dampers + series
-        diagonal = story + 1j * omega * self.floor_damper
-        diagonal[:-1] += (self.link * story)[1:]
-        return diagonal, -(self.link * story)[1:], story
-
-    def _load(self, omega: float, story: Array) -> Array:
-        """Return the forces of a unit ground displacement, or a unit force on a floor, N."""
-        if self.source != GROUND:
-            load = np.zeros(story.size, dtype=complex)
-            load[int(self.source) - 1] = 1.0
-            return load
-        # Only springs and dampers to the ground move it: springs and dampers of stories without a
-        # story below, and of the floors. Modal damping acts on the velocity relative to the ground.
-        to_ground = np.where(self.link == 0.0, story, 0.0) + 1j * omega * self.floor_damper
-        return np.asarray(to_ground + 1j * omega * self.coupling.sum(axis=1))
+        return np.asarray(self.building.initial_stiffness + 1j * omega * self.dampers + series)
 
     def _banded(self, omega: float) -> Array:
-        """Return the response at a circular frequency from the three diagonals."""
+        """Return the response of a chain without modal damping at a circular frequency from its
+        three diagonals."""
         from scipy.linalg import solve_banded
 
-        diagonal, above, story = self._diagonals(omega)
-        bands = np.zeros((3, diagonal.size), dtype=complex)
-        bands[0, 1:] = bands[2, :-1] = above
-        bands[1] = diagonal - omega**2 * self.building.mass
-        return np.asarray(solve_banded((1, 1), bands, self._load(omega, story)))
+        springs, to_ground = self._springs(omega), 1j * omega * self.floor_damper
+        bands = np.zeros((3, springs.size), dtype=complex)
+        bands[0, 1:] = bands[2, :-1] = -(self.link * springs)[1:]
+        bands[1] = springs + to_ground
+        bands[1, :-1] += (self.link * springs)[1:]
+        bands[1] -= omega**2 * self.building.mass
+        # Only springs and dampers to the ground move a floor if the ground moves.
+        load = np.where(self.link == 0.0, springs, 0.0) + to_ground
+        if self.source != GROUND:
+            load = self._unit_force(springs.size)
+        return np.asarray(solve_banded((1, 1), bands, load))
 
     def _dense(self, omega: float) -> Array:
         """Return the response at a circular frequency with the complete matrix."""
-        diagonal, above, story = self._diagonals(omega)
-        matrix = np.diag(diagonal - omega**2 * self.building.mass) + 1j * omega * self.coupling
-        matrix += np.diag(above, 1) + np.diag(above, -1)
-        return np.asarray(np.linalg.solve(matrix, self._load(omega, story)))
+        deformations, springs = self.building.deformations, self._springs(omega)
+        to_ground = 1j * omega * (np.diag(self.floor_damper) + self.coupling)
+        matrix = (deformations.T * springs) @ deformations + to_ground
+        matrix -= omega**2 * np.diag(self.building.mass)
+        if self.source != GROUND:
+            return np.asarray(np.linalg.solve(matrix, self._unit_force(len(matrix))))
+        # The deformations for equal displacements are 0, and 1 in springs on the ground. Modal
+        # damping acts on the velocity relative to the ground.
+        ones = np.ones(len(matrix))
+        load = deformations.T @ (springs * (deformations @ ones)) + to_ground @ ones
+        return np.asarray(np.linalg.solve(matrix, load))
 
 
 def _resolved(stiffness: _DynamicStiffness) -> tuple[Array, Array]:
