@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from html import escape
 from pathlib import Path
 from textwrap import dedent
@@ -21,7 +22,9 @@ from click.testing import Result
 from facts import states
 from separate_streams import runner
 from tdint.ground_motion.messages import quiet_import
+from tdint_cli import terminal
 from tdint_cli.main import cli
+from tdint_cli.terminal import BUG
 
 FORCED = """\
     name: forced
@@ -149,6 +152,18 @@ def change(file: str | Path, *changes: tuple[str, str]) -> None:
     Path(file).write_text(text)
 
 
+_missing_resource = terminal._missing_resource
+
+
+def note_bug(bugs: list[BaseException], error: BaseException | None, options: Any) -> str:
+    """Add an error to `bugs` unless it reports a missing resource; return the message of the
+    resource."""
+    if error is not None and not (message := _missing_resource(error, options)):
+        bugs.append(error)
+        return ""
+    return message
+
+
 class Command:
     """Run `tdint ARGUMENTS` in this process. The result has exit_code, stdout and stderr. Messages
     about the compilation of kernels are removed, because they depend on the cache
@@ -162,9 +177,16 @@ class Command:
         code: int | None = None,
     ) -> Result:
         """Run the command and return its result. The words of `line` are the first arguments;
-        `code` is the required exit code."""
+        `code` is the required exit code. An internal error that `code` does not require is raised,
+        so that the test shows its traceback."""
         texts = [*str(line).split(), *map(str, arguments)]
-        result = runner().invoke(cli, texts, input=stdin, prog_name="tdint")
+        bugs: list[BaseException] = []
+        with pytest.MonkeyPatch.context() as patch:
+            # The last test of an error before it is reported as internal
+            patch.setattr(terminal, "_missing_resource", partial(note_bug, bugs))
+            result = runner().invoke(cli, texts, input=stdin, prog_name="tdint")
+        if result.exit_code == BUG != code and bugs:
+            raise AssertionError(result.stderr) from bugs[-1]
         result.stderr_bytes = re.sub(rb"(?m)^note: compiling .*\n", b"", result.stderr_bytes or b"")
         assert code is None or result.exit_code == code, result.stderr
         return result

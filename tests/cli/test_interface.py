@@ -333,3 +333,16 @@ def test_invalid_arguments_are_refused_in_one_line(call, error, message, study):
     with pytest.raises(error, match=message) as caught:
         call()
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_internal_errors_of_a_command_test_show_their_traceback(tdint, folder, monkeypatch):
+    """The helper `tdint` of command tests raises the error, unless a test requires its code."""
+
+    def faulty(*arguments, **options):
+        raise AttributeError("a bug of this test")
+
+    monkeypatch.setattr("tdint.model.building.Building.modes", faulty)
+    with pytest.raises(AssertionError, match="internal error") as failure:
+        tdint("modes shaken.yaml")
+    assert failure.value.__cause__.__traceback__.tb_next is not None
+    assert "internal error" in tdint("modes shaken.yaml", code=1).stderr

@@ -10,12 +10,15 @@ import manufactured
 import numpy as np
 import opensees
 import pytest
+import separate_solver
 from file_cases import kaikoura_cases
 
-from tdint.assessment.validation.validation import closed_form_cases, compute_case, textbook_cases
+from selection import every
+from tdint.assessment.validation.validation import all_cases, compute_case
+from tdint.model.story_laws import LAWS
 from validation import run
 
-CASES = {case.name: case for case in (*closed_form_cases(), *textbook_cases(), *kaikoura_cases())}
+CASES = {case.name: case for case in (*all_cases(), *kaikoura_cases())}
 PAGE = run.PAGE.read_text(encoding="utf-8")
 
 
@@ -34,6 +37,31 @@ def test_case_is_within_tolerance_and_on_page(name):
             "| computed" + unit + " | " + " | ".join(map(run.number, result.computed)) + " |"
             in PAGE
         )
+
+
+FEATURES = {case["name"]: case for case in separate_solver.cases()}
+
+
+@pytest.mark.parametrize("name", every(10, FEATURES))
+def test_separate_solver_gives_the_published_values(name):
+    """A step five times as long as that of the published values changes them by up to 1e-4."""
+    case = FEATURES[name]
+    peaks = separate_solver.peaks(case["model"], 5.0 * separate_solver.STEP)
+    found = [peaks[quantity] for quantity in case["quantities"]]
+    assert found == pytest.approx(case["published"], rel=2e-4)
+
+
+def test_each_law_and_each_feature_has_a_case():
+    """A law or a key that is added needs a case."""
+    text = " ".join(case["model"] for case in FEATURES.values())
+    assert "linear" in LAWS
+    assert [law for law in LAWS if f"type: {law}" not in text] == []
+    rules = ("kinematic", "isotropic", "origin", "peak", "elastic", "flag")
+    keys = (
+        *("elements:", "attachments:", "links:", "p_delta: true", "points:", "modal:", "brace:"),
+        *("tangent: true", "fracture_drift:", "exponent:", "relief:", "negative:", "factor:"),
+    )
+    assert [key for key in (*keys, *(f"rule: {rule}" for rule in rules)) if key not in text] == []
 
 
 def test_wrong_or_missing_value_is_outside_tolerance():

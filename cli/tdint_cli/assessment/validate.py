@@ -19,21 +19,18 @@ from tdint_cli.terminal import progress_bar, say
 def command(outputs: Outputs) -> None:
     """Compare results of this installation with published and exact results.
 
-    The references are closed-form solutions, textbook tables and printed results of other programs
-    that need no input file. The cases are computed on this machine with its compiled time loops.
-    CSV: maximum difference and tolerance of each case; the exit code is 5 if a difference exceeds
-    its tolerance. tests/validation in the source tree has all cases with their values, including
-    comparisons with other programs and with recordings.
+    The references are closed-form solutions, textbook tables, printed results of other programs
+    that need no input file, and results of a separate solver for each feature and each law. The
+    cases are computed on this machine with its compiled time loops. CSV: maximum difference and
+    tolerance of each case; the exit code is 5 if a difference exceeds its tolerance.
+    tests/validation in the source tree has all cases with their values, including comparisons with
+    other programs and with recordings.
     """
-    from tdint.assessment.validation.validation import (
-        closed_form_cases,
-        compute_case,
-        textbook_cases,
-    )
+    from tdint.assessment.validation.validation import all_cases, compute_case
     from tdint.assessment.validation.validation_tables import VALIDATION
     from tdint.output.tables.table import Table
 
-    cases = (*closed_form_cases(), *textbook_cases())
+    cases = all_cases()
     results = []
     with progress_bar(to_terminal=outputs.table is None) as progress:
         for done, case in enumerate(cases):

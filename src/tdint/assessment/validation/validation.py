@@ -1,11 +1,13 @@
 """Validation cases of `tdint validate` and the functions that compute them.
 
-The reference values are closed-form solutions, tables of textbooks, and printed results of other
-programs for models with complete input.
+The reference values are closed-form solutions, tables of textbooks, printed results of other
+programs for models with complete input, and for each optional feature and each law the results of a
+separate solver (`tests/validation/separate_solver.py` in the source tree).
 """
 
 from __future__ import annotations
 
+import io
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -87,15 +89,18 @@ def cases_of(
     Parameters
     ----------
     computations : mapping of str to tuple
-        For each name of a case, the function that computes the values, and the reference values of
-        a closed-form solution (empty if the file contains published values).
+        For each name of a case without a model in the file, the function that computes the values,
+        and the reference values of a closed-form solution (empty if the file contains published
+        values).
     """
     text = (files("tdint") / "validation_cases.toml").read_text(encoding="utf-8")
     cases = []
     for case in tomllib.loads(text)[group]:
-        computed, formula = computations[case["name"]]
-        published = tuple(case.pop("published", ())) or formula
         quantities = tuple(case.pop("quantities"))
+        model = case.pop("model", None)
+        peaks = (partial(_peaks, model, quantities), ())
+        computed, formula = peaks if model else computations[case["name"]]
+        published = tuple(case.pop("published", ())) or formula
         cases.append(
             ValidationCase(**case, published=published, quantities=quantities, computed=computed)
         )
@@ -424,9 +429,46 @@ def textbook_cases() -> tuple[ValidationCase, ...]:
     return cases_of("textbook", {name: (computed, ()) for name, computed in _TEXTBOOKS.items()})
 
 
+def pulse() -> Array:
+    """Return the ground acceleration of the cases of features and laws, 5 sin(pi t / 2.4)^2
+    sin(3.2 pi t) m/s^2, at the samples of every 0.02 s until 2.4 s."""
+    time = 0.02 * np.arange(121)
+    return np.asarray(5.0 * np.sin(math.pi * time / 2.4) ** 2 * np.sin(3.2 * math.pi * time))
+
+
+def _peaks(model: str, quantities: Sequence[str]) -> Array:
+    """Return peaks of a model (YAML) under the ground motion `pulse`.
+
+    A quantity is the name of a column and a story, attachment or link: `drift 1` and `drift tank`
+    (m), `damper_force 1` (N).
+    """
+    record = make_record(pulse(), dt=0.02, units="m/s^2")
+    result = run(load_model(io.StringIO(model)), record, check=False)
+    rows = {str(i + 1): (result.stories, i) for i in range(len(result.model.stories))}
+    if result.devices is not None:
+        names = [device.name for device in result.model.devices]
+        rows |= {name: (result.devices.stories, i) for i, name in enumerate(names)}
+    peaks = []
+    for quantity, where in map(str.split, quantities):
+        table, i = rows[where]
+        peaks.append(getattr(table, f"peak_{quantity}")[i])
+    return np.array(peaks)
+
+
+def feature_cases() -> tuple[ValidationCase, ...]:
+    """Return the validation cases of optional features and of laws, with reference values from a
+    separate solver."""
+    return cases_of("feature", {})
+
+
+def all_cases() -> tuple[ValidationCase, ...]:
+    """Return the validation cases that need no other file."""
+    return (*closed_form_cases(), *textbook_cases(), *feature_cases())
+
+
 def validate() -> ResultList[ValidationResult]:
-    """Compare closed-form solutions, tables of textbooks and printed results of other programs with
-    the values that this installation computes.
+    """Compare closed-form solutions, tables of textbooks, and results of other programs and of a
+    separate solver with the values that this installation computes.
 
     Returns
     -------
@@ -438,4 +480,4 @@ def validate() -> ResultList[ValidationResult]:
     AnalysisError
         A case cannot be run.
     """
-    return ResultList([compute_case(case) for case in (*closed_form_cases(), *textbook_cases())])
+    return ResultList(list(map(compute_case, all_cases())))
