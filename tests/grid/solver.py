@@ -276,8 +276,11 @@ class Dashpot:
         """Return the rate of the force of damper and brace, N/s."""
         damper_rate = (abs(force) / self.coefficient) ** (1.0 / self.exponent)
         if self.relief and abs(force) > self.relief["force"]:
-            excess = abs(force) - self.relief["force"]
-            damper_rate += excess / self.coefficient * (1.0 / self.relief["ratio"] - 1.0)
+            ratio, excess = self.relief["ratio"], abs(force) - self.relief["force"]
+            if ratio:
+                damper_rate += excess / self.coefficient * (1.0 / ratio - 1.0)
+            elif drift_rate * force > abs(force) * damper_rate / self.factor:
+                return 0.0
         return self.brace * (self.factor * drift_rate - math.copysign(damper_rate, force))
 
 

@@ -14,7 +14,7 @@ from building_cases import Law, model, noise, story
 from el_centro import el_centro
 from references import orders
 from selection import every
-from tdint import load_model, run, run_many
+from tdint import load_model, make_record, run, run_many
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import assemble
@@ -370,3 +370,75 @@ def test_invalid_dashpots(tmp_path, dashpot, message):
     with pytest.raises(Exception, match="dashpot") as error:
         loaded(tmp_path, dashpot)
     assert message in str(error.value)
+
+
+PULSE = [6.0 * math.sin(0.05 * k) * min(k / 50.0, 1.0) for k in range(250)]  # m/s^2, 0.01 s apart
+RELIEF_FORCE = 1e5  # N
+DAMPERS = {
+    "linear": {},
+    "exponent 0.3": {"coefficient": 1.2e5, "exponent": 0.3},
+    "exponent 2": {"coefficient": 3e6, "exponent": 2.0},
+    "relief": {"relief": {"force": RELIEF_FORCE, "ratio": 0.0}},
+    "relief 0.1": {"relief": {"force": RELIEF_FORCE, "ratio": 0.1}},
+    "stiff relief": {"brace": 1e9, "relief": {"force": RELIEF_FORCE, "ratio": 0.0}},
+    "inclined relief": {"relief": {"force": RELIEF_FORCE, "ratio": 0.0}, "factor": 0.8},
+}
+
+
+def with_damper(damper):
+    """Return a building of two stories with equal dampers."""
+    dashpot = {"coefficient": 1e6, "brace": 2e8, **DAMPERS[damper]}
+    story = {"mass": 1e5, "height": 3.5, "stiffness": 2e7, "dashpot": dashpot}
+    return {"stories": [story] * 2, "damping": {"rayleigh": {"mass": 0.2, "stiffness": 0.001}}}
+
+
+@functools.cache
+def largest_forces(damper):
+    """Return the forces of the dampers alone at their largest rates, N: a brace in series cannot
+    increase them."""
+    record = make_record(PULSE, dt=0.01, units="m/s^2")
+    response = run(
+        with_damper(damper), record, method="gauss4", dt=0.0025, history=True, check=False
+    )
+    rates = np.max(np.abs(np.diff(response.history.velocity, axis=1, prepend=0.0)), axis=0)
+    dashpot = with_damper(damper)["stories"][0]["dashpot"]
+    rates *= dashpot.get("factor", 1.0)
+    forces = dashpot["coefficient"] * rates ** dashpot.get("exponent", 1.0)
+    if "relief" in dashpot:
+        ratio = dashpot["relief"]["ratio"]
+        forces = np.where(
+            forces > RELIEF_FORCE, RELIEF_FORCE + ratio * (forces - RELIEF_FORCE), forces
+        )
+    return forces
+
+
+@pytest.mark.parametrize("damper", DAMPERS)
+@pytest.mark.parametrize("method", METHODS)
+def test_no_damper_force_exceeds_its_law(method, damper):
+    record = make_record(PULSE, dt=0.01, units="m/s^2")
+    response = run(with_damper(damper), record, method=method, history=True, check=False)
+    allowed = largest_forces(damper)
+    if DAMPERS[damper].get("relief", {}).get("ratio") == 0.0:
+        assert response.stories.peak_damper_force == pytest.approx(allowed, rel=1e-12)
+        assert np.max(np.abs(response.history.damper_force)) <= RELIEF_FORCE
+    else:
+        # The drift rates of methods of order 2 differ.
+        assert np.all(response.stories.peak_damper_force <= 1.02 * allowed)
+
+
+@pytest.mark.parametrize("method", [*ORDER_4, "newmark-average"])
+@pytest.mark.parametrize(
+    ("damper", "drifts", "forces", "total_shears"),
+    [
+        ("relief", [0.12017875, 0.06345106], [1e5, 1e5], [2494768.6, 1327664.6]),
+        ("relief 0.1", [0.11567272, 0.06173194], [153536.9, 131229.8], [2403141.6, 1296297.6]),
+    ],
+)
+def test_relief_forces(damper, drifts, forces, total_shears, method):
+    """Values of the separate solver (tests/grid/solver.py)"""
+    record = make_record([*PULSE[:241], *60 * [0.0]], dt=0.01, units="m/s^2")
+    response = run(with_damper(damper), record, method=method, duration=3.0, check=False)
+    stories, rel = response.stories, 2e-4 if method in ORDER_4 else 2e-3
+    assert stories.peak_drift == pytest.approx(drifts, rel=rel)
+    assert stories.peak_damper_force == pytest.approx(forces, rel=rel)
+    assert stories.peak_total_shear == pytest.approx(total_shears, rel=rel)

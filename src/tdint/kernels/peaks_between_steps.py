@@ -70,6 +70,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
 from tdint.kernels.linear_terms import (
+    BRACES,
     FORCES,
     LINKS,
     POWER_DAMPERS,
@@ -96,6 +97,7 @@ from tdint.kernels.step_interpolant import (
     tilt_weight,
 )
 from tdint.kernels.stepping import Ends, Passage
+from tdint.kernels.stories.brace import instant_of_largest_sum
 from tdint.kernels.stories.law_state import has_fractured
 
 # Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
@@ -445,9 +447,42 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
                 located_count += _raise_absolute_peak(
                     span, by_h, quantity, dashpots, scene, targets, i
                 )
+                if BRACES and linear_terms[rows.BRACED_RELIEF, i] > 0.0:
+                    located_count += _locate_relief(
+                        span.h,
+                        scene,
+                        passage,
+                        law_state,
+                        table,
+                        first + rows.TOTAL_SHEAR_INSTANT,
+                        i,
+                    )
             near_rest_above = near_rest
         floor = floor_below
     return located_count
+
+
+@outlined
+def _locate_relief(h, scene, passage, law_state, table, row, i):
+    """Replace the instant of the largest total shear of story `i` by the instant of its spring,
+    with the initial stiffness, and its damper with a relief force.
+
+    Returns 1 if the row had no instant and has one now, otherwise 0.
+    """
+    linear_terms = scene.linear_terms
+    floor = floor_ends(False, passage, i)
+    floor_below = floor_ends(False, passage, base_of(linear_terms, i))
+    drift = law_state[rows.DRIFT, i]
+    story = story_ends(floor, floor_below, linear_terms[rows.LINK, i], drift)
+    stiffness = scene.law_parameters[rows.STIFFNESS, i]
+    spring = law_state[rows.FORCE, i] - stiffness * (story.u1 - story.u0), stiffness
+    ends = story.u0, story.v0, story.u1, story.v1
+    s = instant_of_largest_sum(linear_terms, i, h, ends, passage.state[rows.BRACE_START, i], spring)
+    if s == 0.0:
+        return 0
+    is_new = table[row, i] == 0.0
+    table[row, i] = s
+    return 1 if is_new else 0
 
 
 @inline

@@ -71,6 +71,12 @@ _STIFF = 3.0
 _MAX_BEND = 0.25
 # Dimensionless. Residual of the equations of a story relative to their largest term
 _TOLERANCE = 1e-14
+# Straight lines for the parabola of the drift rate in a step, parts between changes of the line of
+# the damper in each, and bisections of the time of a change
+_RATE_PARTS = 4
+_MAX_PARTS = 6
+_BISECTIONS = 50
+_INSTANTS = 16  # instants of a step at which a sum of forces is compared
 _MAX_ITERATIONS = 80  # the slowest of the tested combinations needs 25
 
 
@@ -280,6 +286,133 @@ def _force_after_mean(linear_terms, i, h, mean, rate):
 
 
 @outlined
+def _along_line(stiffness, line, force, rate, rate_slope, duration):
+    """Return the force on a line of the damper after a duration, N, and the largest absolute value
+    between.
+
+    `line` contains the slope (N s/m) and a point of the line: rate (m/s) and force (N). The drift
+    rate is linear, so that F' + kb F / slope is linear in time.
+    """
+    slope, line_rate, line_force = line
+    lag = slope / stiffness
+    moving = slope * rate_slope
+    steady = slope * (rate - line_rate) + line_force - moving * lag
+    transient = force - steady
+    end = steady + moving * duration + transient * math.exp(-duration / lag)
+    largest = max(abs(force), abs(end))
+    if moving != 0.0 and transient / (lag * moving) > 1.0:  # F' = 0 at a positive time
+        extremum = lag * math.log(transient / (lag * moving))
+        if extremum < duration:
+            largest = max(largest, abs(steady + moving * (extremum + lag)))
+    return end, largest
+
+
+@outlined
+def _along_relief(linear_terms, i, force, rate, rate_slope, duration):
+    """Return the force of brace and damper after a duration with a linear drift rate, N, and its
+    largest absolute value between, for a damper with a relief force.
+
+    The force follows the line of the damper up to the relief force, then the line beyond; each
+    change of the line is an instant at which the force is the relief force. Both results are forces
+    of the law.
+    """
+    stiffness = linear_terms[rows.BRACE, i]
+    c = linear_terms[rows.BRACED_DAMPER, i]
+    relief = linear_terms[rows.BRACED_RELIEF, i]
+    beyond = linear_terms[rows.BRACED_RELIEF_RATIO, i] * c
+    corner = relief / c  # rate at the relief force
+    if beyond == 0.0:
+        force = min(max(force, -relief), relief)
+    largest = abs(force)
+    for _ in range(_MAX_PARTS):
+        side = math.copysign(1.0, force)
+        excess = side * rate - corner
+        opens = excess > 0.0 or (excess == 0.0 and side * rate_slope > 0.0)
+        is_beyond = abs(force) > relief or (abs(force) == relief and opens)
+        if is_beyond and beyond == 0.0:
+            # The force remains until the rate returns to the corner.
+            falling = -side * rate_slope
+            if excess >= falling * duration:
+                break
+            duration -= excess / falling
+            rate = side * corner
+            continue
+        line = (beyond, side * corner, side * relief) if is_beyond else (c, 0.0, 0.0)
+        end, most = _along_line(stiffness, line, force, rate, rate_slope, duration)
+        if side * end >= relief if is_beyond else abs(end) <= relief:
+            return end, max(largest, most)
+        side = side if is_beyond else math.copysign(1.0, end)
+        low, high = 0.0, duration
+        for _ in range(_BISECTIONS):
+            part = 0.5 * (low + high)
+            value, _ = _along_line(stiffness, line, force, rate, rate_slope, part)
+            if (side * value < relief) == is_beyond:
+                high = part
+            else:
+                low = part
+        largest = max(
+            largest, relief, _along_line(stiffness, line, force, rate, rate_slope, low)[1]
+        )
+        force = side * relief
+        rate += rate_slope * high
+        duration -= high
+    return force, largest
+
+
+@outlined
+def follow_relief(linear_terms, i, h, rates, force_0):
+    """Return the force of a damper with a relief force at the end of a step, N, and its largest
+    absolute value in the step.
+
+    The drift rate is a parabola with the values at both ends and the mean, `rates`; each of
+    _RATE_PARTS parts is a straight line, on which the force is exact. The force is a value of the
+    law, and does not exceed the relief force if the ratio is 0.
+    """
+    first_rate, last_rate, mean_rate = rates
+    bend = 6.0 * mean_rate - 3.0 * (first_rate + last_rate)
+    part = h / _RATE_PARTS
+    force = force_0
+    largest = 0.0
+    rate = first_rate
+    for j in range(1, _RATE_PARTS + 1):
+        t = j / _RATE_PARTS
+        next_rate = first_rate + t * (last_rate - first_rate + bend * (1.0 - t))
+        slope = (next_rate - rate) / part
+        force, most = _along_relief(linear_terms, i, force, rate, slope, part)
+        largest = max(largest, most)
+        rate = next_rate
+    return force, largest
+
+
+@outlined
+def instant_of_largest_sum(linear_terms, i, h, ends, force_0, spring):
+    """Return the instant at which the force of a damper with a relief force and of a spring are
+    largest together, as a fraction of the step; 0 for an end of the step.
+
+    `ends` contains drift (m) and drift rate (m/s) at both ends, `spring` the force (N) of the
+    spring at the start and its stiffness (N/m). The force of the damper has a kink where it reaches
+    or leaves the relief force, so that the values at the ends do not show the peak.
+    """
+    d_0, rate_0, d_1, rate_1 = ends
+    spring_force, stiffness = spring
+    rise = d_1 - d_0
+    bend = 6.0 * rise / h - 3.0 * (rate_0 + rate_1)
+    force, rate, drift = force_0, rate_0, 0.0
+    part = h / _INSTANTS
+    best, largest = 0.0, abs(spring_force + force_0)
+    for j in range(1, _INSTANTS + 1):
+        t = j / _INSTANTS
+        next_rate = rate_0 + t * (rate_1 - rate_0 + bend * (1.0 - t))
+        force, _ = _along_relief(linear_terms, i, force, rate, (next_rate - rate) / part, part)
+        drift += 0.5 * part * (rate + next_rate)
+        rate = next_rate
+        total = abs(spring_force + stiffness * drift + force)
+        if total > largest:
+            best, largest = (t if j < _INSTANTS else 0.0), total
+    return best
+
+
+@outlined
 def brace_force_at(linear_terms, i, duration, motion, force_0, scratch, row):
     """Return the force of brace and damper at an instant inside a step, N.
 
@@ -290,6 +423,9 @@ def brace_force_at(linear_terms, i, duration, motion, force_0, scratch, row):
     rise, first_rate, rate = motion
     if duration == 0.0:
         return force_0
+    if linear_terms[rows.BRACED_RELIEF, i] > 0.0:
+        rates = (first_rate, rate, rise / duration)
+        return follow_relief(linear_terms, i, duration, rates, force_0)[0]
     bend = duration * (rate - first_rate)
     follow_brace(linear_terms, i, duration, rise, bend, force_0, scratch, row)
     if _is_stiff(linear_terms, i, duration, force_0, scratch, row):
@@ -324,7 +460,10 @@ def commit_brace(linear_terms, i, h, rates, state, scratch, row):
     state[rows.BRACE_FORCE, i] = force_1
     state[rows.BRACE_DISSIPATED, i] += scratch[row + DISSIPATED, i]
     state[rows.BRACE_START, i] = state[rows.BRACE_REPORTED, i]
-    if _is_stiff(linear_terms, i, h, force_0, scratch, row):
+    if linear_terms[rows.BRACED_RELIEF, i] > 0.0:
+        ends = (first_rate, last_rate, mean_rate)
+        reported, peak = follow_relief(linear_terms, i, h, ends, state[rows.BRACE_REPORTED, i])
+    elif _is_stiff(linear_terms, i, h, force_0, scratch, row):
         reported = _force_after_mean(linear_terms, i, h, mean, stiff_rate)
         peak = max(abs(reported), abs(mean))
         # Extremum of the parabola of the drift rate. Near it, the force lags behind the force of
