@@ -203,4 +203,9 @@ else:
         The rows must not overlap. A compiled kernel copies them as one block of memory, which takes
         a fraction of the time of two nested loops.
         """
-        table[target : target + count] = table[source : source + count]
+        if isinstance(table, memoryview):  # has no slices of rows
+            for row in range(count):
+                for i in range(table.shape[1]):
+                    table[target + row, i] = table[source + row, i]
+        else:
+            table[target : target + count] = table[source : source + count]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import copy_rows_within, inline, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -20,7 +20,6 @@ from tdint.kernels.equations.iteration import (
     TANGENT_TOLERANCE,
     UNDAMPED_ITERATIONS,
     add_rows,
-    copy_rows,
     is_balanced,
     must_halve,
     squared_norm,
@@ -194,7 +193,7 @@ def implicit_step(coefficients, scene, h, load, memory):
             for i in range(n):
                 scratch[_IMPLICIT.STAGE_A + stage, i] += scratch[_IMPLICIT.RESIDUAL + stage, i]
         if iterations > undamped_iterations:
-            copy_rows(scratch, _IMPLICIT.RESIDUAL, scratch, _IMPLICIT.CORRECTION, 2, n)
+            copy_rows_within(scratch, _IMPLICIT.RESIDUAL, _IMPLICIT.CORRECTION, 2)
         if flags[rows.LINEAR] != 0.0:
             break  # one solve is exact in a linear building
     if HAS_CURVED_LAW and _is_curved(flags):
@@ -617,11 +616,11 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 + c_factor * linear_terms[rows.FLOOR_DAMPER, i]
                 + story
             )
-    copy_rows(scratch, _IMPLICIT.TANGENT, scratch, _IMPLICIT.FACTORED_TANGENT, 2, n)
-    copy_rows(scratch, _IMPLICIT.DAMPER_TANGENT, scratch, _IMPLICIT.FACTORED_DAMPER_TANGENT, 2, n)
+    copy_rows_within(scratch, _IMPLICIT.TANGENT, _IMPLICIT.FACTORED_TANGENT, 2)
+    copy_rows_within(scratch, _IMPLICIT.DAMPER_TANGENT, _IMPLICIT.FACTORED_DAMPER_TANGENT, 2)
     if BRACES:
         tangents = _IMPLICIT.BRACE + path.MEAN_BY_RISE
-        copy_rows(scratch, tangents, scratch, _IMPLICIT.FACTORED_BRACE, 4, n)
+        copy_rows_within(scratch, tangents, _IMPLICIT.FACTORED_BRACE, 4)
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, damping, n)
 

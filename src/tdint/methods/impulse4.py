@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import copy_rows_within, inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import (
     FACTORS,
@@ -251,7 +251,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                             # The part of the present solution up to the branch change is the first
                             # estimate. The complete increments are kept for the rest of the step.
                             if not is_shortened:
-                                copy_rows(scratch, momentum.DU, scratch, ROW.REMAINING, 2, n)
+                                copy_rows_within(scratch, momentum.DU, ROW.REMAINING, 2)
                             _shorten_increments(fraction, substep, state, scratch, n)
                             has_guess = is_shortened = True
                         substep *= fraction
@@ -268,7 +268,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         branch_changes += 1
                         substep = h - elapsed
                         if HAS_CURVED_FORCE and is_shortened:
-                            copy_rows(scratch, ROW.REMAINING, scratch, momentum.DU, 2, n)
+                            copy_rows_within(scratch, ROW.REMAINING, momentum.DU, 2)
                             is_shortened = False
                     continue
             elif outcome == _BEFORE_EVENT:
@@ -296,7 +296,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         if HAS_CURVED_FORCE and is_shortened:
             # The remaining motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
-            copy_rows(scratch, ROW.REMAINING, scratch, momentum.DU, 2, n)
+            copy_rows_within(scratch, ROW.REMAINING, momentum.DU, 2)
             is_shortened = False
         elapsed += substep
         if HAS_NONLINEAR_FORCE and ends_at_event:

@@ -30,7 +30,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import copy_rows_within, inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import (
     correct,
@@ -45,7 +45,6 @@ from tdint.kernels.equations.iteration import (
     TANGENT_TOLERANCE,
     UNDAMPED_ITERATIONS,
     add_rows,
-    copy_rows,
     must_halve,
     squared_norm,
     tolerance_of_run,
@@ -484,7 +483,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         # `correct` has replaced the residuals in the rows R1 and R2 by the corrections of DU and
         # DV.
         if iterations > undamped_iterations:
-            copy_rows(scratch, momentum.R1, scratch, ROW.LAST_CORRECTION, 2, n)
+            copy_rows_within(scratch, momentum.R1, ROW.LAST_CORRECTION, 2)
     return max(iterations, 1)
 
 
