@@ -109,8 +109,9 @@ def extended(
     values[: len(given)] = given
     for i in range(len(floor_values), len(values)):
         if i >= len(given) or math.isnan(values[i]):
-            upper = int(linear_terms[rows.UPPER_FLOOR, i])
-            values[i] = values[upper if upper != i else int(linear_terms[rows.BASE, i])]
+            upper, lower = linear_terms[[rows.UPPER_FLOOR, rows.BASE], i].astype(int).tolist()
+            # The lower end of an attachment on the ground is the attachment itself.
+            values[i] = values[upper] if upper != i else values[lower] if lower != i else 0.0
     return values
 
 

@@ -20,7 +20,7 @@ from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.response.arguments import named_sample, numbers_of
 from tdint.response.runs.batch import NO_MOTION, Subject
 from tdint.response.runs.many_results import SCALE, RunSpec
-from tdint.response.time_steps import Steps
+from tdint.response.time_steps import Steps, record_steps
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,11 @@ class RunsRequest:
             except UsageError as error:
                 invalid[model, draw] = str(error)
         return invalid
+
+    def record_steps(self, run: RunSpec) -> int:
+        """Return the number of steps of a run up to the last sample of its record."""
+        record = self.records[run.record]
+        return record_steps(run.steps, None if record is NO_MOTION else record.duration)
 
     @cached_property
     def stories(self) -> int:

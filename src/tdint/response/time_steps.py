@@ -131,6 +131,14 @@ def choose_steps(
     )
 
 
+def record_steps(steps: Steps, duration: float | None) -> int:
+    """Return the number of steps up to the last sample of a record of a duration (s), or to a
+    requested end before it; all steps without a record (None)."""
+    if duration is None:
+        return steps.count
+    return min(steps.count, math.floor(duration / steps.h * (1.0 + _STEP_TOLERANCE)))
+
+
 def _count(duration: float, h: float) -> int:
     """Return the number of time steps of length h (s) in a duration (s), rounded up.
 

@@ -63,7 +63,7 @@ from tdint.response.runs.prepared import (
     RunSpec,
     element_results,
 )
-from tdint.response.time_steps import Steps, choose_steps, moves_without_record
+from tdint.response.time_steps import Steps, choose_steps, moves_without_record, record_steps
 from tdint.tabular import Described
 
 if TYPE_CHECKING:
@@ -642,7 +642,12 @@ class Case(Described):
             energy=energy,
             history=self._history(space, steps.h) if space.history.size else None,
             # The imbalances in a chunk are relative to the reference energy of the complete run.
-            history_chunks=partial(self.history_chunks, steps, energy.reference),
+            history_chunks=partial(
+                self.history_chunks,
+                replace(steps, count=result.completed, continues=False),
+                energy.reference,
+            ),
+            record_rows=record_steps(steps, self.record.duration if self.record else None) + 1,
             notes=(),
             interstep_bound=bound,
             devices=device_peaks(self.building, space, steps.late),

@@ -337,9 +337,19 @@ def _differentiated(
         values=with_all_rows(values),
         kink=StoryErrors(**{name: kink for name, (_, kink) in peak_derivatives.items()}),
         history={
-            name: differences(array, result.history[name])[0] for name, array in history.items()
+            name: differences(array, _with_rows(result.history[name], array.shape[1]))[0]
+            for name, array in history.items()
         },
     )
+
+
+def _with_rows(array: NDArray[Any], count: int) -> NDArray[Any]:
+    """Return histories with `count` rows. Neighboring runs may continue after the record for other
+    times than the run; the value of a row that a neighbor does not have is nan."""
+    rows = np.full((len(array), count, array.shape[2]), math.nan)
+    kept = min(count, array.shape[1])
+    rows[:, :kept] = array[:, :kept]
+    return rows
 
 
 def _neighbor_runs(

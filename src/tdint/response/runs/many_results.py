@@ -78,6 +78,8 @@ class Runs(Tabular):
         Derivatives of the peaks, if requested.
     warnings : tuple of str
         Unusual values of the buildings, each with its model file, as shown by `check`.
+    record_rows : ndarray of int, shape (runs,)
+        Number of rows of the histories up to the last sample of the record.
     """
 
     models: tuple[Model, ...]
@@ -99,6 +101,7 @@ class Runs(Tabular):
     varied: dict[str, Array] = field(default_factory=dict)
     gradient: Gradient | None = None
     warnings: tuple[str, ...] = ()
+    record_rows: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __len__(self) -> int:
         return len(self.model)
@@ -308,6 +311,7 @@ class Runs(Tabular):
 
 _ARRAYS_OF_RUNS = (
     *("model", "record", "scale", "dt", "steps", "status", "energy_error", "stories", "history"),
+    "record_rows",
     *("errors", "corrected", "varied", "gradient"),
 )
 """Attributes of `Runs` with arrays whose first axis is the run."""
@@ -333,9 +337,7 @@ def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def history_arrays(
-    shape: tuple[int, int, int], kept: tuple[str, ...], out: Any
-) -> dict[str, NDArray[np.floating[Any]]]:
+def history_arrays(shape: tuple[int, int, int], kept: tuple[str, ...], out: Any) -> HistoryArrays:
     """Return the arrays for the histories: the arrays of the caller (`out`), or new arrays of nan.
 
     `shape` is the number of runs, number of rows of the longest run, and number of stories of the
@@ -356,7 +358,7 @@ def history_arrays(
                 f"memory, {free / 1000000000.0:.3g} GB are free; keep fewer time steps with "
                 "every=, or pass arrays with out= (float32 or memory-mapped files)"
             )
-        return {name: np.full(shape, math.nan) for name in kept}
+        return HistoryArrays({name: np.full(shape, math.nan) for name in kept}, False)
     if not kept:
         raise UsageError(
             "out cannot be used, because no history is requested; omit out, or request a history"
@@ -378,7 +380,7 @@ def history_arrays(
                 f"out[{name!r}] must be an array of floating-point numbers, shape {shape}, got "
                 f"{received}"
             )
-    return arrays
+    return HistoryArrays(arrays, True)
 
 
 def store_values(
@@ -400,18 +402,55 @@ def store_values(
             getattr(arrays, quantity.name)[numbers, : run_values.shape[-1]] = run_values
 
 
-def store_history(result: Runs, number: int, history: History | None) -> None:
-    """Write the history of an individual run to the row `number` of each history array.
+class HistoryArrays(dict[str, NDArray[np.floating[Any]]]):
+    """Arrays of the histories by quantity while runs write to them, shape (runs, rows, stories).
 
-    The rest of the row, after the end of the run and above the roof, is nan; the complete row if
-    `history` is None.
+    The arrays have the rows of the longest record. Further rows of runs that continue after it are
+    added when all runs are complete (`joined`), because their number is unknown before.
+
+    Attributes
+    ----------
+    later : dict
+        Further rows by quantity and number of the run.
+    are_given : bool
+        True for arrays of the caller, which are not extended.
     """
-    for name, array in result.history.items():
-        array[number] = math.nan
-        if history:
-            rows = getattr(history, name)[:: result.every]
-            kept = rows[: array.shape[1]]  # without the motion after the record
-            array[number, : len(kept), : rows.shape[1]] = kept
+
+    def __init__(self, arrays: Mapping[str, NDArray[np.floating[Any]]], are_given: bool) -> None:
+        super().__init__(arrays)
+        self.later: dict[tuple[str, int], Array] = {}
+        self.are_given = are_given
+
+    def store(self, number: int, name: str, values: Array) -> None:
+        """Write the values of a quantity to the row `number`; nan after the end of the run and
+        above its roof."""
+        array = self[name]
+        kept, stories = values[: array.shape[1]], values.shape[1]
+        array[number, : len(kept), :stories] = kept
+        array[number, len(kept) :] = array[number, :, stories:] = math.nan
+        if len(values) > len(kept) and not self.are_given:
+            self.later[name, number] = values[len(kept) :].copy()
+
+    def store_history(self, number: int, history: History | None, every: int) -> None:
+        """Write the history of an individual run to the row `number` of each array; nan without a
+        history."""
+        for name, array in self.items():
+            if history is None:
+                array[number] = math.nan
+            else:
+                self.store(number, name, getattr(history, name)[::every])
+
+    def joined(self) -> dict[str, NDArray[np.floating[Any]]]:
+        """Return the arrays with the further rows of all runs."""
+        more = max((len(values) for values in self.later.values()), default=0)
+        arrays = dict(self)
+        for name, array in self.items() if more else ():
+            rows = np.full((len(array), more, array.shape[2]), math.nan)
+            for number in range(len(array)):
+                values = self.later.get((name, number), rows[:0, 0])
+                rows[number, : len(values), : values.shape[1]] = values
+            arrays[name] = np.concatenate([array, rows], axis=1)
+        return arrays
 
 
 class RunSpec(NamedTuple):

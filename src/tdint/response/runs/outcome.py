@@ -458,7 +458,10 @@ class Response(Tabular):
     energy : Energy
         Energy balance at the end of the run, J.
     history : History | None
-        Response history, if it was requested.
+        Response history, if it was requested: a row for each step to the end of the run, which
+        includes the motion after the record.
+    record_rows : int
+        Number of rows of a history up to the last sample of the record.
     collapse : Collapse | None
         Time and story, if the status is `collapsed` or `failed-story`.
     interstep_bound : StoryErrors
@@ -523,6 +526,7 @@ class Response(Tabular):
     flexure: "FlexurePeaks | None" = None
     elements: "ElementPeaks | None" = None
     growth: float = 0.0
+    record_rows: int = 0
 
     def limit_checks(self, limit: float | str | None = None) -> "tuple[LimitCheck, ...]":
         """Compare the demands with limits.

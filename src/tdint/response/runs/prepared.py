@@ -533,8 +533,8 @@ class PreparedBuilding:
             Number of steps between two rows of a history.
         on_history : callable, optional
             Function that receives the index of a run and the completed rows of its history (view,
-            shape (rows, width)). The next run overwrites these rows. By default, histories are not
-            kept.
+            shape (rows, width)), to the end of the continued motion. The next run overwrites these
+            rows. By default, histories are not kept.
         """
         row_count = max(run.steps.count for run in runs) // every + 1 if on_history else 0
         space = self._loaded_arrays(integrator, h, row_count)
@@ -573,8 +573,15 @@ class PreparedBuilding:
             if on_history:
                 reached = int(space.totals[rows.STEPS_REACHED])
                 result.ends[i, STEPS_COMPLETED] = reached
-                # The history ends with the record, also if the run has continued.
-                on_history(i, space.history[: min(reached, run.steps.count) // every + 1])
+                kept = space.history[: reached // every + 1]
+                if code == 0 and reached > run.steps.count:
+                    # The number of steps is known now: integrate again with all rows.
+                    longer = self._loaded_arrays(integrator, h, reached // every + 1)
+                    longer.steps_per_row = every
+                    steps = replace(run.steps, count=reached)
+                    self.loop(integrator, h, ground, longer)(steps, 0, reached)
+                    kept = longer.history
+                on_history(i, kept)
         return result
 
     def _continue_while_growing(

@@ -102,11 +102,13 @@ def run(
     method, dt, duration : optional
         Method specification such as `hht:alpha=-0.1`, time step (s) and duration (s). By default
         the values of the model's analysis section; otherwise the method is
-        `tdint.methods.catalogue.DEFAULT_METHOD` (reported in a note), and time step and duration
-        are the values of the record. A list of methods or time steps returns a `ResultList` with
-        the responses of each method with each time step.
+        `tdint.methods.catalogue.DEFAULT_METHOD` (reported in a note), and the time step is that of
+        the record. Without a duration, a run covers the record and continues with the ground at
+        rest while a peak could still grow. A list of methods or time steps returns a `ResultList`
+        with the responses of each method with each time step.
     history : bool, default False
-        Keep the response history in addition to the peaks.
+        Keep the response history in addition to the peaks: all rows to the end of the run, also
+        after the record (`Response.record_rows` is the number of rows up to the end of the record).
     allow_unstable : bool, default False
         Run a conditionally stable method above its stability limit, and accept a response with
         energy that was produced by the method.

@@ -37,11 +37,11 @@ from tdint.response.runs.batch import NO_MOTION, Subject, run_batch, samples_of
 from tdint.response.runs.gradient import differentiate
 from tdint.response.runs.history import HISTORIES
 from tdint.response.runs.many_results import (
+    HistoryArrays,
     Runs,
     RunSpec,
     history_arrays,
     kept_quantities,
-    store_history,
     store_values,
 )
 from tdint.response.runs.outcome import StoryErrors, StoryPeaks
@@ -151,15 +151,17 @@ def run_many(
     history : bool, str or sequence of str
         Quantities to keep at each time step: `displacement`, `velocity` (relative to the ground)
         and `absolute_acceleration` of the floors; `drift`, `shear`, `damper_force` and
-        `total_shear` of the stories. True keeps all quantities.
+        `total_shear` of the stories. True keeps all quantities. As in `run`, a history has all rows
+        to the end of the run, which continues after the record while a peak could grow
+        (`Runs.record_rows` is the number of rows up to the end of the record).
     every : int, default 1
         Keep every N-th step, from the start.
     out : ndarray or mapping of str to ndarray, or str or Path, optional
         Arrays for the histories, shape (runs, rows, stories), of any floating-point type, or
         memory-mapped files (`numpy.lib.format.open_memmap`). The arrays have the rows of the
-        longest run and the stories of the tallest building. A single array is for a single
-        quantity. By default, arrays of float64 are allocated. A path NAME.parquet is the file for
-        the table of the runs (`Runs.to_parquet`).
+        longest record, without the motion after it, and the stories of the tallest building. A
+        single array is for a single quantity. By default, arrays of float64 are allocated. A path
+        NAME.parquet is the file for the table of the runs (`Runs.to_parquet`).
     jobs : int, optional
         Number of threads; by default the number of processors. The result does not depend on the
         number of threads.
@@ -229,7 +231,8 @@ def run_many(
         empty_request = RunsRequest((), (), None, None, False, {})
         return _empty_result(empty_request, [], every, ())
     _integrate_plan(request, result, plan, threads, progress, partial=partial)
-    runs = replace(result, failures=dict(sorted(result.failures.items())))
+    failures = dict(sorted(result.failures.items()))
+    runs = replace(result, failures=failures, history=_histories(result).joined())
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     plan = [run for run in plan if result.status[run.number] != INTERRUPTED]
     if names and plan:
@@ -408,7 +411,7 @@ def integrated(
     """
     result = _empty_result(request, plan, every, kept)
     _integrate_plan(request, result, plan, threads or processors(), False, partial=False)
-    return result
+    return replace(result, history=_histories(result).joined())
 
 
 def _empty_result(
@@ -450,6 +453,7 @@ def _empty_result(
         varied={name: values[[run.draw for run in plan]] for name, values in request.vary.items()},
         errors=StoryErrors(**errors) if request.check else None,
         corrected=StoryPeaks(height=peaks["height"], **corrected) if request.check else None,
+        record_rows=1 + np.array([request.record_steps(run) for run in plan], np.int64) // every,
         warnings=study_plausibility_warnings(
             (subject.model, subject.prepared.building) for subject in request.subjects
         ),
@@ -460,6 +464,7 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
     """Integrate some runs in batches of one building and one time step, and write their results to
     their rows of `result`.
     """
+    histories = _histories(result)
     # With varied parameters of the building, each sample is a separate building.
     is_varied = bool(request.building_parameters)
     for (model, _, draw), group in groupby(
@@ -487,10 +492,16 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             if response.check:
                 store_values(result.errors, numbers[i], response.check.errors)
                 store_values(result.corrected, numbers[i], response.check.corrected)
-            store_history(result, numbers[i], response.history)
+            histories.store_history(numbers[i], response.history, result.every)
         for i, failure in outcomes.failures.items():
-            store_history(result, numbers[i], None)
+            histories.store_history(numbers[i], None, result.every)
             result.failures[numbers[i]] = str(failure)
+
+
+def _histories(result: Runs) -> HistoryArrays:
+    """Return the history arrays of a result whose runs are not complete."""
+    assert isinstance(result.history, HistoryArrays)
+    return result.history
 
 
 def _history_writer(
@@ -500,21 +511,17 @@ def _history_writer(
     time step to `result`.
     """
     prepared, h = subject.prepared, runs[0].steps.h
-    time = (
-        result.every * h * np.arange(next(iter(result.history.values())).shape[1], dtype=np.float64)
-    )
     # The functions compute a quantity from the rows of a history and write it to an array of the
     # result, because the next run overwrites the rows.
-    targets = [(array, HISTORIES[name]) for name, array in result.history.items()]
+    targets = [(name, HISTORIES[name]) for name in result.history]
     building, loads, n = prepared.building, prepared.loads, prepared.building.floors
+    histories = _histories(result)
 
     def on_history(i: int, rows: Array) -> None:
-        """Write the history of run `i`; nan after its end and for stories above its roof."""
-        for array, compute in targets:
-            history = array[runs[i].number]
-            values = compute(building, loads, time[: len(rows)], rows)
-            history[: len(rows), :n] = values[:, :n]  # without attachments and links
-            if len(rows) < array.shape[1] or n < array.shape[2]:
-                history[len(rows) :] = history[:, n:] = math.nan
+        """Write the history of run `i`, without attachments and links."""
+        time = result.every * h * np.arange(len(rows), dtype=np.float64)
+        for name, compute in targets:
+            values = compute(building, loads, time, rows)[:, :n]
+            histories.store(runs[i].number, name, values)
 
     return on_history
