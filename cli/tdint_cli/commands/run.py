@@ -638,8 +638,9 @@ def _maximum_demands(
     """Return a text with the maximum drift, roof displacement and base shear of a run.
 
     The base shear is the restoring force of the first story, which its columns and walls resist.
-    The total shear with P-delta and viscous forces follows in parentheses: in a report always, on
-    the terminal (`page` False) only if the building has P-delta or dashpots.
+    The total shear with P-delta, viscous forces and links to the ground follows in parentheses: in
+    a report always, on the terminal (`page` False) only if the building has P-delta, dashpots or
+    such links.
 
     For example "drift ratio 0.012 in story 1, roof displacement 0.08 m, base shear 9e+05 N". Drift
     ratios in a report are in percent.
@@ -678,8 +679,8 @@ def _maximum_demands(
             drift_text = f"{ratio_text}, {drift_text}"
     roof = units.text(maximum.roof_displacement.value, "m")
     base_shear = units.text(maximum.base_shear.value, "N")
-    forces = model.forces_of_total_shear
-    if forces and (page or model.has_p_delta or model.has_dashpots):
+    forces = model.forces_of_total_base_shear
+    if forces and (page or model.has_p_delta or model.has_dashpots or "links" in forces):
         total = units.text(maximum.total_base_shear.value, "N")
         restoring = "restoring force; " if page else ""
         base_shear += f" ({restoring}{total} with {forces})"

@@ -448,7 +448,7 @@ class Building:
         """
         omega, shape = self.vibration.first
         if self.system is not None:
-            return omega, float(shape @ self.system.damping @ shape / (2.0 * omega))
+            return omega, self.system.modal_damping(self.modes(), 0) / (2.0 * omega)
         drift = self.deformations @ shape if self.branched else self.drifts(shape)
         masses = self.masses
         modal_damping = np.add.reduce(self.story_dampers * drift**2)
@@ -470,9 +470,7 @@ class Building:
         if self.system is not None:
             from tdint.model.linear_system import damped_modes
 
-            modes, stiffness, damping = damped_modes(self.modes(), self.system.damping)
-            none = Braces(np.zeros((0, modes.omega.size)), np.zeros(0), np.zeros(0))
-            return solve_complex_modes(modes, stiffness, damping, none)
+            return solve_complex_modes(*damped_modes(self.modes(), self.system))
         return solve_complex_modes(self.modes(), self.stiffness_matrix(), *self.linear_damping())
 
     def linear_damping(self) -> tuple[Array, Braces]:

@@ -561,10 +561,21 @@ class Model:
     def forces_of_total_shear(self) -> str:
         """Forces that total shears contain in addition to the restoring forces, such as
         `P-delta and viscous forces`; empty if both shears are equal."""
+        return self._forces_of_total_shear(bool(self.links))
+
+    @property
+    def forces_of_total_base_shear(self) -> str:
+        """The same forces of the base shear, which contains links to the ground only."""
+        return self._forces_of_total_shear(any(0 in link.ends for link in self.links))
+
+    def _forces_of_total_shear(self, has_links: bool) -> str:
+        """Return the names of the forces."""
         forces = ["P-delta"] if self.has_p_delta else []
         if self.damping is not None or self.has_dashpots:
             forces.append("viscous forces")
-        return " and ".join(forces)
+        if has_links:
+            forces.append("links")
+        return " and ".join(filter(None, [", ".join(forces[:-1]), *forces[-1:]]))
 
     def replace(self, **changes: float | str) -> Model:
         """Return the building with changed parameters: `model.replace(damping=0.02)`.

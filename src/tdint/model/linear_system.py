@@ -1,8 +1,8 @@
 """Linear systems given by matrices: stiffness matrices, flexural stories, and rows that are not
 floors.
 
-The equation of motion is M a + C v + K u = -M r ag + p. Rows without mass follow the other rows:
-the modes contain them, so that no other part of tdint distinguishes them.
+The equation of motion is M a + C v + K u = -M r ag + p. Rows without mass follow the other rows
+statically; the modes contain them. Their dashpots make them lag behind (`Lag`).
 
 A flexural story is a Timoshenko segment with constant EI and GA. Its ends have a displacement and a
 rotation; rotations, and the displacement of a base on a spring, have no mass and are condensed.
@@ -19,7 +19,7 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
 from tdint.model.damping import rayleigh
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.model.modes import FreeVibration, Modes
+from tdint.model.modes import Braces, FreeVibration, Modes
 from tdint.model.story import column_name
 
 
@@ -50,6 +50,37 @@ class Flexure:
 
 
 @dataclass(frozen=True)
+class Lag:
+    """Deviation of rows without mass from the static positions, caused by their dashpots.
+
+    With the matrices K_s and C_s of the rows without mass, the solutions of C_s psi = tau K_s psi
+    with positive relaxation times tau are Maxwell elements. The coordinate q of the shape
+    psi / sqrt(tau) follows the modal velocities w of the other rows, and its dashpot acts on them:
+
+        q' = -E^T w - q / tau,   modal force of the dashpots on the modes: E q'
+
+    in addition to the modal damping of static positions. The stored energy is q^2 / (2 tau).
+
+    Attributes
+    ----------
+    shapes : ndarray, shape (n, r)
+        Displacements of all rows per unit of each coordinate; zero in rows with mass.
+    rates : ndarray, shape (r,)
+        1 / tau, 1/s.
+    coupling : ndarray, shape (modes, r)
+        E.
+    """
+
+    shapes: Array
+    rates: Array
+    coupling: Array
+
+    def coordinates(self, stiffness: Array, displacement: Array) -> Array:
+        """Return q for displacements of the rows in excess of the static ones, shape (..., n)."""
+        return np.asarray(displacement @ stiffness @ self.shapes / self.rates)
+
+
+@dataclass(frozen=True)
 class LinearSystem:
     """Matrices of a linear model; they replace the springs and dampers of `Building`.
 
@@ -69,6 +100,8 @@ class LinearSystem:
         Names of rows that are not floors, in columns; empty for a building.
     flexure : Flexure | None
         Results of flexural stories.
+    lag : Lag | None
+        Deviation of rows without mass from the static positions; None if they follow statically.
     """
 
     mass: Array
@@ -79,6 +112,17 @@ class LinearSystem:
     cuts: Array
     names: tuple[str, ...] = ()
     flexure: Flexure | None = None
+    lag: Lag | None = None
+
+    def modal_damping(self, modes: Modes, mode: int) -> float:
+        """Return the modal damping phi^T C phi of a mode, 1/s, at its frequency: the elements of
+        rows without mass have the damping E^2 / (1 + (omega tau)^2)."""
+        shape, omega = modes.shapes[:, mode], modes.omega[mode]
+        damping = shape @ self.damping @ shape
+        if self.lag is not None:
+            squared = np.square(self.lag.coupling[mode])
+            damping -= np.sum(squared * omega**2 / (self.lag.rates**2 + omega**2))
+        return float(damping)
 
     @property
     def drift_stiffness(self) -> Array:
@@ -178,8 +222,34 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         else _damping(model, mass, stiffness, vibration.modes)
     )
     names = tuple(map(column_name, model.rows))
-    system = LinearSystem(mass, stiffness, damping, influence, drifts, cuts, names, flexure)
+    lag = _lag(vibration.modes, mass, stiffness, damping) if len(matrices.damping) else None
+    system = LinearSystem(mass, stiffness, damping, influence, drifts, cuts, names, flexure, lag)
     return system, vibration
+
+
+_NO_LAG = 1e-12
+"""Dimensionless. Stiffness of a Maxwell element, relative to the stiffness of the highest mode, up
+to which it is a rounding error: the damping of its rows is proportional to their stiffness."""
+
+
+def _lag(modes: Modes, mass: Array, stiffness: Array, damping: Array) -> Lag | None:
+    """Return the deviation of rows without mass from the static positions."""
+    from scipy.linalg import eigh
+
+    following = np.flatnonzero(np.diagonal(mass) == 0.0)
+    inner = np.ix_(following, following)
+    if not damping[inner].any():
+        return None
+    times, vectors = eigh(damping[inner], stiffness[inner])
+    damped = times > _NO_LAG * times[-1]
+    shapes = np.zeros((len(mass), np.count_nonzero(damped)))
+    shapes[following] = vectors[:, damped] / np.sqrt(times[damped])
+    rates = 1.0 / times[damped]
+    coupling = modes.shapes.T @ damping @ shapes
+    coupled = rates * np.sum(coupling**2, axis=0) > _NO_LAG * modes.omega[-1] ** 2
+    if not coupled.any():
+        return None
+    return Lag(shapes[:, coupled], rates[coupled], coupling[:, coupled])
 
 
 def _damping(model: Model, mass: Array, stiffness: Array, modes: Modes) -> Array:
@@ -270,15 +340,20 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
     )
 
 
-def damped_modes(modes: Modes, damping: Array) -> tuple[Modes, Array, Array]:
-    """Return the modes in modal coordinates, whose mass matrix is the identity, and the stiffness
-    and damping matrices of these coordinates, for `solve_complex_modes`.
-
-    `damping` is the damping matrix of the system, N s/m.
-    """
+def damped_modes(modes: Modes, system: LinearSystem) -> tuple[Modes, Array, Array, Braces]:
+    """Return the modes in modal coordinates, whose mass matrix is the identity, the stiffness and
+    damping matrices of these coordinates, and the dampers with braces that rows without mass are,
+    for `solve_complex_modes`."""
     count = modes.omega.size
+    damping = modes.modal_damping(system.damping)
+    braces = Braces(np.zeros((0, count)), np.zeros(0), np.zeros(0))
+    if system.lag is not None:
+        coupling = system.lag.coupling
+        damping = damping - coupling @ coupling.T
+        braces = Braces(coupling.T, system.lag.rates, np.ones(len(system.lag.rates)))
     return (
         replace(modes, shapes=np.eye(count), mass=np.ones(count), load=None),
         np.diag(modes.omega**2),
-        modes.modal_damping(damping),
+        damping,
+        braces,
     )

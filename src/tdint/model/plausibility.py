@@ -849,13 +849,17 @@ def model_notes(model: Model) -> list[str]:
     if model.plausibility_off:
         notes.append(f"plausibility warnings are not shown: {model.plausibility_off}")
     if massless := [
-        model.rows[i] if model.rows else f"floor {i + 1}"
+        i
         for i, story in enumerate(model.stories)
         if model.matrices is not None and story.mass == 0.0
     ]:
+        names = [model.rows[i] if model.rows else f"floor {i + 1}" for i in massless]
+        damping = model.matrices.damping if model.matrices is not None else ()
+        is_damped = any(np.any(damping[i]) for i in massless) if len(damping) else False
+        how = "with their dashpots" if is_damped else "statically"
         notes.append(
-            f"without mass: {abbreviate(massless, _MAX_LISTED)}; the displacements follow the "
-            "other floors statically"
+            f"without mass: {abbreviate(names, _MAX_LISTED)}; the displacements follow the "
+            f"other floors {how}"
         )
     if model.initial.moves and (
         followers := [

@@ -222,3 +222,77 @@ def test_collapse_and_sets_of_runs(record):
     runs = tdint.run_many([FRAME], [record], scales=[1.0, 2.0])
     drift = runs.stories.peak_drift
     assert drift[1] == pytest.approx(2.0 * drift[0], rel=1e-9)
+
+
+M, K, KB, CD, KF, CF, CS = 1e5, 4e6, 6e6, 4e5, 5e6, 3e5, 1e5
+LAGGING = {  # masses, stiffness and damping; the last rows have no mass
+    "Maxwell damper": ([M, 0], [[K + KB, -KB], [-KB, KB]], [[0, 0], [0, CD]]),
+    "footing": ([M, 0], [[K, -K], [-K, K + KF]], [[CS, -CS], [-CS, CS + CF]]),
+    "two stories": (
+        [M, M, 0],
+        [[2 * K, -K, 0], [-K, K + KB, -KB], [0, -KB, KB + KF]],
+        [[0, 0, 0], [0, CS, -CS], [0, -CS, CS + CD]],
+    ),
+    "dashpot between two rows": (
+        [M, M, 0, 0],
+        [[2 * K + KB, -K, -KB, 0], [-K, K + KF, 0, -KF], [-KB, 0, KB, 0], [0, -KF, 0, KF]],
+        [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, CD, -CD], [0, 0, -CD, CD]],
+    ),
+}
+
+
+def descriptor(name, step, count, motion):
+    """Return the displacements of all rows at `count` + 1 times, by the exponential of the system
+    in which each row without mass has a mass so small that its vibration decays within a step."""
+    mass, stiffness, damping = (np.array(item, dtype=float) for item in LAGGING[name])
+    small = np.where(mass == 0.0, 1e-7 * M, mass)
+    n = len(mass)
+    block = np.zeros((2 * n + 2, 2 * n + 2))
+    block[:n, n : 2 * n] = np.eye(n)
+    block[n : 2 * n, :n] = -stiffness / small[:, None]
+    block[n : 2 * n, n : 2 * n] = -damping / small[:, None]
+    block[n : 2 * n, 2 * n] = -mass / small
+    block[2 * n, 2 * n + 1] = 1.0
+    matrix = expm(block * step)
+    state, rows = np.zeros(2 * n), [np.zeros(n)]
+    for start, end in pairwise(motion[: count + 1]):
+        state = (matrix @ np.concatenate([state, [start, (end - start) / step]]))[: 2 * n]
+        rows.append(state[:n])
+    return np.array(rows)
+
+
+def lagging(name, **keys):
+    """Return a model with rows without mass that have dashpots."""
+    mass, stiffness, damping = LAGGING[name]
+    return {"matrices": {"mass": mass, "stiffness": stiffness, "damping": damping}, **keys}
+
+
+@pytest.mark.parametrize("name", LAGGING)
+def test_rows_without_mass_lag_behind_their_dashpots(name):
+    time = 0.01 * np.arange(301)
+    motion = 3.0 * np.sin(6.0 * time) * (time < 2.0)
+    record = tdint.make_record(motion, dt=0.01, units="m/s^2")
+    response = tdint.run(lagging(name), record, history=True, check=False)
+    expected = descriptor(name, 0.01, 300, motion)
+    largest = np.abs(expected).max()
+    np.testing.assert_allclose(response.history.displacement, expected, atol=2e-5 * largest)
+    assert response.energy.error < 1e-5
+    assert any("with their dashpots" in note for note in response.notes)
+
+
+def test_damped_modes_of_a_maxwell_damper():
+    """The roots of m s^3 + m s^2 / tau + (k + kb) s + k / tau"""
+    tau = CD / KB
+    roots = np.roots([M, M / tau, K + KB, K / tau])
+    damped = assemble(tdint.load_model(lagging("Maxwell damper"))).complex_modes()
+    np.testing.assert_allclose(damped.eigenvalues, roots[roots.imag > 0.0], rtol=1e-9)
+
+
+def test_forces_on_rows_without_mass_and_indefinite_damping_are_refused():
+    force = {"floor": 2, "amplitude": 1.0, "omega": 3.0, "phase": "sin"}
+    with pytest.raises(tdint.TdintError, match="row_2: it has no mass"):
+        tdint.run(lagging("footing", excitation={"forces": [force]}), dt=0.01, duration=1)
+    content = lagging("footing")
+    content["matrices"]["damping"] = [[CS, -3 * CS], [-3 * CS, CS + CF]]
+    with pytest.raises(tdint.TdintError, match="positive semidefinite"):
+        tdint.load_model(content)

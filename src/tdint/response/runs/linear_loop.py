@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
+from tdint.errors import ModelError
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import RUNAWAY
 from tdint.methods.exact_step import oscillator, van_loan
@@ -32,6 +33,7 @@ from tdint.methods.workspace import (
 )
 from tdint.model.building import Building
 from tdint.model.force_arrays import add_force_history
+from tdint.model.linear_system import Lag
 from tdint.response.time_steps import Steps
 
 _RESOLVED = 1.0
@@ -64,20 +66,25 @@ class _Transition:
     ----------
     ratios : ndarray or None
         Damping ratios; None if the damping couples the modes.
-    damping : ndarray, shape (modes, modes)
-        Modal damping matrix, 1/s.
+    matrices : tuple of ndarray, shapes (modes, modes)
+        Modal stiffness matrix, 1/s^2, and damping matrix, 1/s, if the damping couples the modes.
     patterns : ndarray, shape (modes, loads)
         Modal loads per unit of each load.
     """
 
     def __init__(
-        self, omega: Array, ratios: Array | None, damping: Array, patterns: Array, duration: float
+        self,
+        omega: Array,
+        ratios: Array | None,
+        matrices: tuple[Array, Array],
+        patterns: Array,
+        duration: float,
     ) -> None:
         h = duration
         self.patterns = patterns
         self.is_coupled = ratios is None
         if ratios is None:
-            self.matrix = van_loan(np.diag(omega**2), damping, patterns, h)
+            self.matrix = van_loan(*matrices, patterns, h)
             return
         # Columns of u0, h v0, h^2 p0 and h^2 p1, rows of u1 and h v1
         steps = oscillator(omega * h, ratios) * np.array([1.0, h, h * h, h * h])
@@ -162,24 +169,73 @@ class LinearLoop:
         # The array of the workspace when the loop is made, as for a compiled loop
         self.history = space.history
         modes = building.modes()
-        self.omega, self.shapes = modes.omega, modes.shapes
+        self.omega, self.shapes, self.highest = modes.omega, modes.shapes, float(modes.omega[-1])
+        self.stiffness = np.diag(self.omega**2)
         self.damping = modes.modal_damping(self.system.damping)
         self.ratios = modes.damping_ratios(self.system.damping)
         self.floors = np.unique(loads[0][:, rows.FLOOR].astype(int))
         n = building.stories
+        for floor in self.floors[np.diagonal(self.system.mass)[self.floors] == 0.0]:
+            name = self.system.names[floor] if self.system.names else f"floor {floor + 1}"
+            raise ModelError(
+                f"force on {name}: it has no mass, so that its motion cannot follow a force; apply "
+                "the force to a floor or row with mass, or give it a mass"
+            )
         # The first load is the ground acceleration, the remaining loads are the forces on floors.
         self.applied = np.zeros((n, 1 + self.floors.size))
         self.applied[:, 0] = -self.system.mass @ self.system.influence
         self.applied[self.floors, 1 + np.arange(self.floors.size)] = 1.0
-        self.patterns = self.shapes.T @ self.applied
+        self.patterns = self.driving = self.shapes.T @ self.applied
+        # Coordinates with a mass, and largest rates of all coordinates, 1/s
+        self.is_moving, self.rates = np.ones(self.omega.size), self.omega
+        self.lag = self.system.lag
+        if self.lag is not None:
+            self._append_lag(self.lag)
         self.outputs = self._outputs()
+
+    def _append_lag(self, lag: Lag) -> None:
+        """Append the coordinates of rows without mass to the modal coordinates.
+
+        The derivative of their equation, q'' = -E^T w' - q' / tau with the modal accelerations w',
+        has the form of the other equations. The velocities q' at the start follow from the equation
+        itself.
+        """
+        count, modes = lag.rates.size, self.omega.size
+        coupling, none = lag.coupling, np.zeros((modes, count))
+        stiffness, damping = np.hstack([self.stiffness, none]), np.hstack([self.damping, coupling])
+        self.stiffness = np.vstack([stiffness, -coupling.T @ stiffness])
+        self.damping = np.vstack([damping, -coupling.T @ damping])
+        self.damping[modes:, modes:] += np.diag(lag.rates)
+        self.driving = np.vstack([self.patterns, -coupling.T @ self.patterns])
+        self.patterns = np.vstack([self.patterns, np.zeros((count, self.patterns.shape[1]))])
+        self.shapes, self.ratios = np.hstack([self.shapes, lag.shapes]), None
+        self.is_moving = np.append(self.is_moving, np.zeros(count))
+        self.rates = np.append(self.omega, lag.rates)
+        self.omega = np.append(self.omega, np.sqrt(lag.rates))
+
+    def _modal_state(self, is_first: bool) -> Array:
+        """Return the modal displacements and velocities of the state of the run, shape (2, modes);
+        at the start of the run, rows without mass have their static positions."""
+        floors = self.space.state[: rows.VELOCITY + 1, :-1]
+        if self.lag is None:
+            return np.asarray(floors @ self.system.mass @ self.shapes)
+        modes = self.omega.size - self.lag.rates.size
+        state = floors @ self.system.mass @ self.shapes
+        if not is_first:
+            excess = floors[0] - state[0, :modes] @ self.shapes[:, :modes].T
+            state[0, modes:] = self.lag.coordinates(self.system.stiffness, excess)
+        state[1, modes:] = -state[1, :modes] @ self.lag.coupling
+        state[1, modes:] -= self.lag.rates * state[0, modes:]
+        return np.asarray(state)
 
     def __call__(self, steps: Steps, first: int, last: int) -> int:
         interval = self.h / steps.stride
-        parts = min(max(1, int(np.ceil(self.omega[-1] * interval / _RESOLVED))), _MOST_PARTS)
+        parts = min(max(1, int(np.ceil(self.highest * interval / _RESOLVED))), _MOST_PARTS)
         durations = (interval, interval / parts) if parts > 1 else (interval,)
         transitions = [
-            _Transition(self.omega, self.ratios, self.damping, self.patterns, duration)
+            _Transition(
+                self.omega, self.ratios, (self.stiffness, self.damping), self.driving, duration
+            )
             for duration in durations
         ]
         per_step = steps.stride * parts
@@ -214,7 +270,7 @@ class LinearLoop:
             forces = np.zeros((count + 1, self.building.stories))
             add_force_history(*self.loads, time, forces)
             loads[:, 1:] = forces[:, self.floors]
-        state = self.space.state[: rows.VELOCITY + 1, :-1] @ self.system.mass @ self.shapes
+        state = self._modal_state(start == 0)
         all_states = np.empty((count * parts + 1, 2, self.omega.size))
         states = all_states[:-1].reshape(count, parts, 2, -1)
         coarse, fine = transitions[0], transitions[-1]
@@ -232,7 +288,7 @@ class LinearLoop:
             )
         all_loads = np.concatenate([between.reshape(count * parts, -1), loads[-1:]])
         # The modal accelerations follow from equilibrium.
-        accelerations = all_loads @ self.patterns.T
+        accelerations = all_loads @ self.driving.T
         accelerations -= self._internal(all_states[..., 0, :], all_states[..., 1, :])
         return _Grid(all_states, accelerations, all_loads)
 
@@ -283,7 +339,8 @@ class LinearLoop:
         start, end = span
         if start == 0:
             displacement, velocity = grid.states[0]
-            initial = 0.5 * float(np.sum((self.omega * displacement) ** 2 + velocity**2))
+            kinetic = self.is_moving * velocity**2
+            initial = 0.5 * float(np.sum((self.omega * displacement) ** 2 + kinetic))
             space.totals[rows.ENERGY_INITIAL] = space.totals[rows.ENERGY_REFERENCE] = initial
         energies = self._energies(grid, interval)[::per_step]
         totals = space.totals
@@ -343,10 +400,11 @@ class LinearLoop:
         ) + (interval**2 / 12.0 * kink)
         result[1:, rows.ENERGY_INPUT] = result[0, rows.ENERGY_INPUT] + np.cumsum(work)
         # Equilibrium gives the damping forces without another product of matrices.
-        force = loads @ self.patterns.T - acceleration - self.omega**2 * displacement
+        inertia, moving = self.is_moving * acceleration, self.is_moving * velocity
+        force = loads @ self.patterns.T - inertia - self.omega**2 * displacement
         lost = _integral(_dots(velocity, force), 2.0 * _dots(acceleration, force), interval)
         result[1:, rows.ENERGY_VISCOUS] = result[0, rows.ENERGY_VISCOUS] + np.cumsum(lost)
-        result[:, rows.ENERGY_KINETIC] = 0.5 * _dots(velocity, velocity)
+        result[:, rows.ENERGY_KINETIC] = 0.5 * _dots(velocity, moving)
         stretched = self.omega * displacement
         result[:, rows.ENERGY_STRAIN] = 0.5 * _dots(stretched, stretched)
         return result
@@ -385,7 +443,7 @@ class LinearLoop:
         np.abs(size, out=size)
         top = np.fmax(size.max(axis=0), output.peaks)
         np.copyto(output.peaks, top, where=~np.isnan(top))
-        resolved = min(float(self.omega[-1]) * interval, 1.0)
+        resolved = min(self.highest * interval, 1.0)
         margin = resolved**2 / 8.0 + _SMALL
         is_large = size >= np.where(top > 0.0, (1.0 - margin) * top, np.inf)
         point, column = np.divmod(np.flatnonzero(is_large), len(top))
@@ -436,13 +494,13 @@ class LinearLoop:
         # Modal displacements, velocities, accelerations and further derivatives: the part that is
         # equal on both sides of a point, and the part per unit of the rate of each load
         orders = [*np.moveaxis(grid.states[points], 1, 0), grid.accelerations[points]]
-        by_rate = [np.zeros_like(self.patterns.T)] * 3 + [self.patterns.T]
+        by_rate = [np.zeros_like(self.driving.T)] * 3 + [self.driving.T]
         while len(orders) < output.derivative + 4:
             orders.append(-self._internal(orders[-2], orders[-1]))
         while len(by_rate) < len(orders):
             by_rate.append(-self._internal(by_rate[-2], by_rate[-1]))
         # Derivatives of modes that the grid does not resolve would oscillate between its points.
-        resolved = output.matrix[columns] * (self.omega * interval <= 1.0)
+        resolved = output.matrix[columns] * (self.rates * interval <= 1.0)
         data = np.empty((2, 4, point.size))
         for k, order in enumerate(range(output.derivative, output.derivative + 4)):
             matrix = resolved if k else output.matrix[columns]
@@ -462,6 +520,8 @@ class LinearLoop:
 
     def _internal(self, displacement: Array, velocity: Array) -> Array:
         """Return the internal modal forces per mass of displacements and velocities, m/s^2."""
+        if self.lag is not None:
+            return np.asarray(velocity @ self.damping.T + displacement @ self.stiffness.T)
         if self.ratios is None:
             force = velocity @ self.damping
         else:
