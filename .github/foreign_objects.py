@@ -41,8 +41,10 @@ LIBRARY = {
         "tanh",
     ),
     *("ceil", "floor", "rint", "trunc", "memcpy", "memmove", "memset"),
+    "tdint.laws",
 }
-"""Symbols that the C libraries of all systems define."""
+"""Symbols that the C libraries of all systems define, and the table of laws, which tdint defines
+before it loads an object."""
 
 FURTHER = {
     "linux": {"sincos"},

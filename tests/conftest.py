@@ -51,17 +51,10 @@ if hasattr(signal, "SIGHUP"):  # nohup causes the same for hang-up signals.
 def pytest_cmdline_main(config: pytest.Config) -> None:
     """Set the environment before the first import of tdint.
 
-    Most tests integrate many different buildings, and compiling one variant of each kernel for all
-    buildings is faster than compiling the specific variants (tests/kernels/test_variants.py tests
-    specific variants). Tests that are selected by name, and files of command tests, need only a few
-    specific kernels. In a fresh clone, files with short runs are tested without compilation.
-
     With several processes, each process runs the files of its part of the suite, so that their
     fixtures are created once. The process that finishes first takes tests from the end of another
     part.
     """
-    if "TDINT_KERNELS" not in os.environ:
-        os.environ["TDINT_KERNELS"] = _kernels_of(config)
     if _has_space(_MEMORY_FILES):
         os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(_MEMORY_FILES))
     if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
@@ -126,12 +119,12 @@ def pytest_collection_finish() -> None:
 
 
 _FEW_FILES = 3
-"""Maximum number of test files whose own loops are compiled faster than the loops for all laws."""
+"""Maximum number of test files whose loops are compiled when a test needs them."""
 
 
 def _selects_few_files(config: pytest.Config) -> bool:
-    """Return True if so few test files are selected that compiling their specific kernels is faster
-    than compiling all loops."""
+    """Return True if so few test files are selected that compiling the loops that they need is
+    faster than compiling all loops."""
     files = {Path(str(argument).partition("::")[0]) for argument in config.args}
     return (
         not config.getoption("numprocesses", None)
@@ -140,68 +133,38 @@ def _selects_few_files(config: pytest.Config) -> bool:
     )
 
 
-_SHORT_COMMANDS = (
-    *("against", "errors", "floors", "grammar", "inventory", "isolators", "law", "limits"),
-    *("output_units", "rotation", "run", "sequence", "spectrum"),
-)
-_SHORT_RUNS = {
-    "tests/response/runs/test_steps.py",
-    "tests/model/test_limits.py",
-    *(f"tests/cli/test_{name}.py" for name in _SHORT_COMMANDS),
-}
-"""Files of tests with short runs. Without compilation they need less time than a compilation."""
-
-
-def _kernels_of(config: pytest.Config) -> str:
-    """Return the setting TDINT_KERNELS for the selected tests: whole, python, or specific kernels
-    (empty)."""
-    arguments = list(map(str, config.args))
-    if not _selects_few_files(config):
-        return "whole"
-    root = Path(__file__).parents[1]
-    files = {Path(argument.partition("::")[0]).resolve() for argument in arguments}
-    if all(file.is_relative_to(root) for file in files):
-        names = {file.relative_to(root).as_posix() for file in files}
-        if names <= _SHORT_RUNS:
-            return "" if _is_compiled() else "python"
-    is_few = all("::" in argument or "/cli/" in argument for argument in arguments)
-    return "" if is_few else "whole"
-
-
-def _is_compiled() -> bool:
-    """Return True if a time loop for all buildings was compiled from the present sources, by an
-    earlier run of all tests."""
-    from tdint.kernels.building import compilable, load_or_compile
-    from tdint.kernels.time_loop.loop import integrate
-
-    return bool(load_or_compile.list_objects([(integrate, compilable.EVERYTHING)])[0][2])
-
-
 def _is_not_about_compilation(record: logging.LogRecord) -> bool:
     """Return False for messages about compilation, which are not a subject of the tests."""
     return not record.getMessage().startswith(("compiling ", "waiting for another tdint"))
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the kernels before the first test, in parallel, so that no kernel is compiled in two
-    processes or within a test."""
+    """Compile all loops and laws, which users get, before the first test, in parallel, so that none
+    is compiled in two processes or within a test."""
     config = session.config
-    is_interpreted = os.environ["TDINT_KERNELS"] == "python"
+    is_interpreted = os.environ.get("TDINT_KERNELS") == "python"
     if is_interpreted or config.option.collectonly or hasattr(config, "workerinput"):
         return
     if _selects_few_files(config):
         if not any("kernels" in str(argument) for argument in config.args):
             logging.getLogger("tdint").addFilter(_is_not_about_compilation)
         return
-    from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
+    from tdint.kernels.building.load_or_compile import (
+        compile_ahead,
+        counted,
+        list_objects,
+        required,
+    )
     from tdint.response.runs.analysis_kernels import all_kernels
 
     # Loops that were installed with a wheel are not compiled again.
-    missing = [pair for pair in all_kernels() if not list_objects([pair])[0][2]]
+    kernels = all_kernels()
+    objects = zip(required(kernels), list_objects(kernels), strict=True)
+    missing = [item for item, (*_, file, _) in objects if not file]
     terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
     if terminal:
-        terminal.write(f"compiling {len(missing)} time loops for all tests, once: ", flush=True)
+        terminal.write(f"compiling {counted(missing)} for all tests, once: ", flush=True)
     began = time.perf_counter()
-    compile_ahead(missing, ["native"], None, lambda done: None)
+    compile_ahead(kernels if missing else [], ["native"], None, lambda done: None)
     if terminal:
         terminal.write_line(f"{time.perf_counter() - began:.0f} s")

@@ -10,7 +10,7 @@ def twice(x):
     return 2.0 * x
 
 
-@kernel(F8(VECTOR, F8), parts=())
+@kernel(F8(VECTOR, F8), has_forms=False)
 def scaled(ground, x):
     """Return 2 x times the second sample of the ground motion."""
     return twice(x) * ground_at(ground, 1, 1, 1)

@@ -118,7 +118,7 @@ ANY_NAME = {
     "tdint.tabular": "packages of other projects, and modules below the package that asks",
     "tdint.ground_motion.messages": "a module of ObsPy",
     "tdint.kernels.build": "modules of kernels, whose names the process that compiles receives",
-    "tdint.kernels.building.load_or_compile": "as in `tdint.kernels.build`",
+    "tdint.kernels.building.background": "as in `tdint.kernels.build`",
 }
 """Modules that import by names that are not in their text, and the modules that these names can
 be."""

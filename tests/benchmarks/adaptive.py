@@ -20,7 +20,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from common import use_own_loops
 from numba import njit
 from scipy.integrate import solve_ivp
 
@@ -355,7 +354,6 @@ def max_absolute(values: np.ndarray) -> np.ndarray:
 def reference_times(problem: FieldProblem) -> tuple[object, list[tuple[float, float, list[float]]]]:
     """Return the true peaks, and step, time and errors of impulse4 from long to short steps."""
     posed, method = problem.posed, parse("impulse4")
-    use_own_loops()
     posed.prepared.compile([method])
     case = posed.case(method)
     true = case.integrate(posed.steps(posed.interval / FINE)).stories

@@ -9,7 +9,6 @@ import numpy as np
 
 from tdint import read_horizontals
 from tdint.ground_motion.record import Record
-from tdint.kernels.building import load_or_compile
 
 ROOT = Path(__file__).parents[2]
 # The benchmarks use modules of the tests. They import this module before those modules.
@@ -44,15 +43,6 @@ def rotated_motions(count):
             Record(shifted, pair.first.dt, "", "", f"{(23 * i) % 360:03d}", f"{NAMES[i % 3]}-{i}")
         )
     return motions
-
-
-def use_own_loops():
-    """Let this process load only kernels that are compiled for exactly the required features.
-
-    Otherwise, a method with such kernels in the cache would be compared with a method that uses the
-    slower kernels for all laws, which `tdint compile --all` creates.
-    """
-    load_or_compile._usable_variants = lambda variant: (variant,)
 
 
 def minimum_times(functions, repeats, clock=time.process_time):

@@ -1,14 +1,12 @@
-"""Compare time loops for all laws with time loops for the laws of a building.
+"""Compare full time loops with the time loops of a building.
 
     python tests/benchmarks/loops.py [--wheel]
 
-`tdint compile --all` and wheels contain time loops for all laws; a first run without them compiles
-loops for the laws of the building. Methods and laws of plug-ins always run in loops for the laws of
-the building. The script integrates each model of `configs` alternately with both loops in one
-process, and stores the minimum processor times of the thread. It checks that the peaks of both
-loops are equal to the bit.
+The script integrates each model of `configs` alternately with the form of its loops and with the
+full form in one process, and stores the minimum processor times of the thread. It checks that the
+peaks of both loops are equal to the bit.
 
-`--wheel` uses the loops for all laws of a wheel: those for the oldest processor of its platform,
+`--wheel` uses the full loops of a wheel: those for the oldest processor of its platform,
 compiled into TDINT_KERNELS_DIR by `tdint compile --all --target linux-x86-64-v3 -o DIR`. Results
 are written to loops.csv, and run.py writes a table from this file.
 """
@@ -23,11 +21,11 @@ from pathlib import Path
 
 import numpy as np
 import raw_points
-from common import ROOT, use_own_loops
+from common import ROOT
 
 from tdint import load_model
 from tdint.errors import TdintError
-from tdint.kernels.building.compilable import EVERYTHING
+from tdint.kernels.building.compilable import FULL
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
 from tdint.response.runs.prepared import PreparedBuilding
@@ -41,24 +39,23 @@ REPEATS = 25
 MAX_STORIES = 30
 
 
-def prepare_building(model: Model, for_all_laws: bool) -> PreparedBuilding:
-    """Return the prepared building with loops for all laws, or with loops for its laws."""
+def prepare_building(model: Model, is_full: bool) -> PreparedBuilding:
+    """Return the prepared building with full loops, or with the loops of its form."""
     prepared = PreparedBuilding.of(model)
-    if for_all_laws:
-        vars(prepared)["variant"] = EVERYTHING  # the value of the cached property
+    if is_full:  # replace the value of the cached property
+        vars(prepared)["variant"] = prepared.variant._replace(form=FULL)
     return prepared
 
 
 def times(model: Model, method: str) -> tuple[float, float] | None:
-    """Return the minimum time of a step in the loop for its laws and in the loop for all laws, s.
+    """Return the minimum time of a step in the loop of its form and in the full loop, s.
 
     None if the method does not integrate the building.
     """
     integrator, record = parse(method), model_record(model)
     assert record is not None
     steps = choose_steps(None, None, record.dt, record.duration)
-    buildings = [prepare_building(model, for_all_laws) for for_all_laws in (False, True)]
-    use_own_loops()
+    buildings = [prepare_building(model, is_full) for is_full in (False, True)]
     buildings[0].compile([integrator])
     best, peaks = [math.inf, math.inf], [None, None]
     for _ in range(REPEATS):

@@ -14,7 +14,7 @@ runs are repeated alternately, and each time is the minimum of the repeats.
 it must take at most `MAX_RATIO` times as long as a bilinear story. Ten stories that are too strong
 to yield are compared with ten bilinear stories, for one method of every family. The exit code is 1
 if a ratio is larger. The environment variable TDINT_GUARD_METHODS=newmark-average,... selects the
-methods. TDINT_KERNELS=whole compiles fewer variants of the time loops.
+methods.
 """
 
 import os

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 import raw_points
-from common import NAMES, ROOT, components, minimum_times, use_own_loops
+from common import NAMES, ROOT, components, minimum_times
 from long_steps import random_bilinear
 from newmark_loop import loop_arguments, plain_loop
 
@@ -113,7 +113,6 @@ def compare(number: int, model: Model, record: Record, motion: str) -> list[list
         Name of the ground motion.
     """
     case = prepare(model, record, method="impulse4")
-    use_own_loops()
     case.prepared.compile([parse("impulse4")])
     true = run_case(case, dt=record.dt / FINE, check=False).stories.peak_drift
     programs = {"plain loop": plain_call, "run_case": tdint_call}
@@ -147,7 +146,6 @@ def fixed_costs() -> list[list[str]]:
     record = model_record(model)
     record = replace(record, acceleration=record.acceleration[: STEPS + 1].copy())
     case = prepare(model, record)
-    use_own_loops()
     case.prepared.compile([case.method])
     calls = {
         "run_case, no error estimate": lambda: run_case(case, check=False),

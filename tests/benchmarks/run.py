@@ -37,7 +37,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).parent))
 import page_tables
 import raw_points
-from common import use_own_loops
 from page_tables import WORDS, percent, table
 from raw_points import Conditions, Entry
 
@@ -152,9 +151,6 @@ def measure_standard_problem(number: int, file: Path, methods: Sequence[str], pe
         True to measure OpenSeesPy also, if it is installed.
     """
     problem = read_problems(STANDARD)[number]
-    # Loops for all laws are slower than loops for the laws of the building. The cache may contain
-    # either for a method, so all methods are compiled for the laws of the building.
-    use_own_loops()
     names = dict.fromkeys([*methods, "impulse4", "moment4"])
     problem.posed.prepared.compile([parse(name) for name in names])
     began = time.process_time()
@@ -195,7 +191,6 @@ def measure_tolerance_lines(number: int, file: Path, methods: Sequence[str]) -> 
     """
     problem = read_problems(STANDARD)[number]
     measured, day, load, seconds = pickle.loads(file.read_bytes())
-    use_own_loops()
     problem.posed.prepared.compile([parse("impulse4"), parse("moment4")])
     posed = ending_together(problem.posed, [problem.posed.interval * part for part in PARTS])
     steps = posed.steps(posed.interval)

@@ -12,8 +12,7 @@ environment. The two trees run the same cases:
 
 For each case, the exit code, standard output, standard error and every written file are compared
 (figures as SVG, databases by their rows). Wall times, versions and digests of sources are ignored
-(`MASKS`, `MASKED_KEYS`, `MASKED_COLUMNS`, `TIME_COLUMNS`). Each tree uses separate kernels, which
-are compiled as one variant for all features, as in the tests.
+(`MASKS`, `MASKED_KEYS`, `MASKED_COLUMNS`, `TIME_COLUMNS`). Each tree uses separate kernels.
 
 NAME selects the cases by the start of their names. `--kept` stores the outcomes of BEFORE in a
 file, so that the next call runs only the missing cases of BEFORE. `--shared` ignores columns of
@@ -157,7 +156,6 @@ def outcome(bin_path: Path, inputs: Path, arguments: list[str]) -> Outcome:
     }
     environment |= {
         "PATH": f"{bin_path}{os.pathsep}{os.environ['PATH']}",
-        "TDINT_KERNELS": "whole",
         "COLUMNS": "100",
     }
     environment |= {"SOURCE_DATE_EPOCH": "0"}

@@ -27,7 +27,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import raw_points
-from common import ROOT, use_own_loops
+from common import ROOT
 
 from tdint.assessment.chart.performance_profiles import (
     PARTS,
@@ -70,7 +70,6 @@ def measure(methods: Sequence[str], names: Sequence[str], folder: Path) -> Resul
         integrators = [parse(name) for name in methods]
         needs_impulse4 = not file.exists() or not set(CHOOSING).isdisjoint(methods)
         needed = [*integrators, *([parse("impulse4")] if needs_impulse4 else [])]
-        use_own_loops()
         posed.prepared.compile(needed)
         if not file.exists():
             reference = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / FINE))

@@ -20,7 +20,6 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("TDINT_KERNELS", "whole")
 os.environ.setdefault("TDINT_COMPILE", "wait")
 
 import numpy as np

@@ -22,7 +22,6 @@ from pathlib import Path
 if "tdint" not in sys.modules:  # the program, not a test
     sys.path.insert(0, str(Path(__file__).parents[1]))
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ.setdefault("TDINT_KERNELS", "whole")
     os.environ.setdefault("TDINT_COMPILE", "wait")
 
 from grid.axes import build

@@ -11,8 +11,8 @@ from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from path_kernel import forces_behind
 from selection import every
 from tdint.kernels import layout as rows
-from tdint.kernels.building import compilable
-from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.compilable import PLAIN, Variant
+from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
 from tdint.kernels.stories.law_tables import law_state_table
@@ -104,23 +104,9 @@ def forces_by_path_integration(law_parameters, turn, drifts, go=forces_behind.fu
 
 
 def compiled_forces_by_path_integration(law_parameters, turn, drifts):
-    """Return the forces of `gone_along`, compiled only for this law."""
-    alone = Variant(
-        ("bouc-wen",),
-        modal=False,
-        forces=False,
-        power_dampers=False,
-        elements=False,
-        braces=False,
-        tangent_damping=False,
-        tree=False,
-        links=False,
-    )
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compilable, "WHOLE", False)
-        return forces_by_path_integration(
-            law_parameters, turn, drifts, forces_behind.variant(alone)
-        )
+    """Return the forces of `gone_along`, in compiled form."""
+    variant = Variant(PLAIN, compiled_laws({0.0, law_parameters[rows.CODE, 0]}))
+    return forces_by_path_integration(law_parameters, turn, drifts, forces_behind.variant(variant))
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])

@@ -10,7 +10,6 @@ from collections import deque
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,22 +19,21 @@ from small_kernel import scaled
 from tdint import load_model
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels import build
-from tdint.kernels.building import compilable, store
 from tdint.kernels.building import load_or_compile as building_module
 from tdint.kernels.building import process as process_module
-from tdint.kernels.building.compilable import EVERYTHING, FEATURES, Variant, bind, parse
+from tdint.kernels.building import store
+from tdint.kernels.building.compilable import ANY, EVERYTHING, FULL, PLAIN, Variant, bind
 from tdint.kernels.building.compiler import objects_of, outlined
-from tdint.kernels.building.load_or_compile import compile_ahead, load_or_compile
+from tdint.kernels.building.load_or_compile import compile_ahead
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.process import Compilation
-from tdint.kernels.building.sources import OUTSIDE
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
+from tdint.kernels.laws import NAMES
+from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.stories.law_state import follow
-from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import parse as parse_method
 from tdint.response.runs.analysis_kernels import all_kernels, kernels_of_model
-from tdint.response.runs.prepared import PreparedBuilding
 from tdint.system import lock
 
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
@@ -104,13 +102,13 @@ def test_kernel_is_compiled_once_and_loaded_without_compiler(small):
 
 WANTED = [
     (scaled, EVERYTHING),
-    (scaled, Variant(("linear",))),
-]  # equal, because the kernel does not depend on the laws
+    (scaled, Variant(PLAIN)),
+]  # equal, because the kernel has no forms
 
 
 def file_for(target):
     """Return the name of the object file for a processor."""
-    return store.file_name(scaled.name, EVERYTHING.text, named(target))
+    return store.file_name(scaled.name, ANY, named(target))
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +121,14 @@ def ahead(tmp_path_factory):
     return folder
 
 
+def new_kernel(has_forms=False):
+    """Return the small kernel, not yet loaded."""
+    return Kernel(scaled.function, scaled.signature, has_forms, vectorized=False)
+
+
 def computed():
     """Load the small kernel in a new process and return its result."""
-    return Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0)
+    return new_kernel().compiled(np.array([1.0, 3.0]), 4.0)
 
 
 @pytest.mark.long
@@ -196,66 +199,38 @@ def test_kernels_are_compiled_ahead_for_several_processors(tmp_path, ahead, monk
     if named("x86-64-v2") in runnable():
         next(folder.rglob(file_for("native"))).unlink()
         assert computed() == 24.0
-        assert not store.has(scaled.name, EVERYTHING.text, native(), folder)
+        assert not store.has(scaled.name, ANY, native(), folder)
     assert not (tmp_path / "other").exists()
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
         compile_ahead(WANTED, ["native"], tmp_path / "file", print)
 
 
-def test_only_required_kernels_are_compiled():
+def test_form_and_laws_follow_from_the_building():
     configs = Path(__file__).parents[2] / "configs"
-    variants = {}
-    for name in ("ten-story", "ten-story-bilinear"):
+    for name, expected in {
+        "ten-story": (PLAIN, ["linear"]),
+        "ten-story-bilinear": (PLAIN, ["linear", "bilinear"]),
+        "wind-tower": (FULL, ["linear"]),
+        "absorber-frame": (FULL, ["linear"]),
+        "fluid-dampers": (FULL, ["linear", "bouc-wen"]),
+    }.items():
         required = kernels_of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
-        variants[name] = {
-            kernel.name.rpartition(".")[2]: variant.text for kernel, variant in required
-        }
-    for name, variant in (("ten-story", "linear"), ("ten-story-bilinear", "linear,bilinear")):
-        assert variants[name].keys() >= {"moment4:step", "loop:integrate", "law_state:follow"}
-        assert variants[name].pop("elastic:peaks") == EVERYTHING.text
-        assert set(variants[name].values()) == {variant}
+        names = {kernel.name.rpartition(".")[2] for kernel, _ in required}
+        assert names >= {"moment4:step", "loop:integrate", "law_state:follow", "elastic:peaks"}
+        variants = {variant for kernel, variant in required if kernel.has_forms}
+        (variant,) = variants
+        laws = [law.name.rpartition(".")[2] for law in variant.laws]
+        assert (variant.form, laws) == expected, name
 
 
-def test_loops_contain_only_the_features_of_the_building(monkeypatch):
-    """The loops of a building without forces, power-law dashpots, elements and tangent damping are
-    compiled without them, and `compile --all` includes these loops."""
-    monkeypatch.setattr(compilable, "WHOLE", False)
-    configs = Path(__file__).parents[2] / "configs"
-    features = {
-        "ten-story-bilinear": set(),
-        "wind-tower": {"forces"},
-        "self-centering-frame": {"elements", "braces", "tangent_damping"},
-        "absorber-frame": {"tree", "links"},
-    }
-    for name, expected in features.items():
-        required = integrate.required_variant(
-            PreparedBuilding.of(load_model(configs / f"{name}.yaml")).variant
-        )
-        found = {
-            feature for feature in FEATURES if feature != "modal" and getattr(required, feature)
-        }
-        assert found == expected
-        assert required.laws == () and required.modal
-    assert integrate in [kernel for kernel, variant in all_kernels() if not variant.forces]
-
-
-def test_loop_without_features_never_serves_all_buildings(monkeypatch):
-    """With one variant for all buildings, a loop without some features is neither requested nor
-    found, although the process has used and loaded it before."""
-    kernel = Kernel(scaled.function, scaled.signature, ("forces",))
-    plain = Variant(("linear",), forces=False)
-    monkeypatch.setattr(compilable, "WHOLE", False)
-    required = kernel.required_variant(plain)
-    assert required == Variant(forces=False)
-    monkeypatch.setattr(compilable, "WHOLE", True)
-    kernel.install(required, abs)
-    assert kernel.required_variant(plain) == kernel.required_variant(required) == EVERYTHING
-    assert not kernel.loaded(plain) and not kernel.loaded(EVERYTHING)
-    kernel.install(EVERYTHING, max)
-    assert kernel.variant(plain) is kernel.compiled is max
-    monkeypatch.setattr(compilable, "WHOLE", False)
-    assert kernel.variant(required) is abs and kernel.compiled is max
+def test_all_forms_and_laws_are_compiled_ahead():
+    """A building of any features and laws of tdint finds its loops in a wheel."""
+    names = {(name, form) for name, form, *_ in building_module.list_objects(all_kernels())}
+    assert {("tdint.methods.impulse4:step", form) for form in (PLAIN, FULL)} <= names
+    assert {("tdint.kernels.stories.law_state:follow", form) for form in (PLAIN, FULL)} <= names
+    laws = {name.partition(":law.")[2] for name, form in names if form == ANY}
+    assert set(NAMES) <= laws
 
 
 SOME = Target("some", "")
@@ -263,26 +238,9 @@ SOME = Target("some", "")
 
 def packed(name, processor=SOME, **other):
     """Return the content of an object file for all buildings, except for the given arguments."""
-    return pack(b"machine code", {**store.identity(name, "all", processor), "symbol": "b", **other})
-
-
-def test_building_specific_kernel_is_preferred(cache, monkeypatch):
-    monkeypatch.setattr(compilable, "WHOLE", False)
-    served = []
-    monkeypatch.setattr(
-        building_module, "_load", lambda kernel, variant, code, symbol: served.append(code) or True
+    return pack(
+        b"machine code", {**store.identity(name, "full", processor), "symbol": "b", **other}
     )
-    linear = Variant(("linear",))
-    for variant in (EVERYTHING, linear):
-        about = store.identity(scaled.name, variant.text, native())
-        store.save(
-            pack(variant.text.encode(), {**about, "symbol": "b"}),
-            scaled.name,
-            variant.text,
-            native(),
-        )
-        load_or_compile([(Kernel(scaled.function, scaled.signature, ("laws",)), linear)])
-    assert served == [EVERYTHING.text.encode(), linear.text.encode()]
 
 
 TWO = """
@@ -292,11 +250,11 @@ from tdint.kernels.compiling import F8, I8, VECTOR, kernel, outlined
 def reciprocal(numbers, n):
     return 1 // n + numbers[(1, 2, 3)[n]] ** n  # numba raises exceptions for each of the three
 
-@kernel(F8(VECTOR, I8), parts=())
+@kernel(F8(VECTOR, I8), has_forms=False)
 def first(numbers, n):
     return reciprocal(numbers, n)
 
-@kernel(F8(VECTOR, I8), parts=())
+@kernel(F8(VECTOR, I8), has_forms=False)
 def second(numbers, n):
     return 2.0 * reciprocal(numbers, n)
 """
@@ -345,13 +303,13 @@ HARMS = [
 
 
 @pytest.mark.parametrize(
-    "harm", [*HARMS, "kernel", "variant", "target", "platform", "sources", "convention"]
+    "harm", [*HARMS, "kernel", "form", "target", "platform", "sources", "convention"]
 )
 def test_corrupt_object_is_not_loaded(cache, harm):
     data = packed("a:b")
-    path = store.save(data, "a:b", "all", SOME)
-    assert store.find_object("a:b", "all", (Target("none", ""), SOME))[1:] == (b"machine code", "b")
-    assert store.find_object("a:b", "linear", (SOME,)) is None
+    path = store.save(data, "a:b", "full", SOME)
+    assert store.find_object("a:b", "full", (Target("none", ""), SOME))[1] == b"machine code"
+    assert store.find_object("a:b", "plain", (SOME,)) is None
     match harm:
         case "cut off":
             path.write_bytes(data[:-1])
@@ -378,10 +336,10 @@ def test_corrupt_object_is_not_loaded(cache, harm):
             path.write_bytes(data.replace(b'"symbol": "b"', b'"symbol": "c"'))
         case _:  # a valid object of another kernel with the file name of this kernel
             path.write_bytes(packed("a:b", **{harm: "other"}))
-    assert store.find_object("a:b", "all", (SOME,)) is None
+    assert store.find_object("a:b", "full", (SOME,)) is None
     if harm not in ("a folder", "a pipe"):
-        store.save(data, "a:b", "all", SOME)
-        assert store.find_object("a:b", "all", (SOME,))[1:] == (b"machine code", "b")
+        store.save(data, "a:b", "full", SOME)
+        assert store.find_object("a:b", "full", (SOME,))[1] == b"machine code"
 
 
 def test_kernels_can_be_interpreted(cache, monkeypatch):
@@ -394,15 +352,15 @@ def test_unused_objects_are_removed(cache):
     versions, other = cache / "kernels-0123456789abcdef", cache / "something"
     versions.mkdir()
     other.mkdir()
-    files = [store.save(packed("a:used"), name, "all", SOME) for name in ("a:used", "a:unused")]
+    files = [store.save(packed("a:used"), name, "full", SOME) for name in ("a:used", "a:unused")]
     # Processes that were killed while they wrote an object, and one that writes at present
     parts = [files[0].with_name(f".{name}.part") for name in ("old", "new")]
     for part in parts:
         part.touch()
     for old in (versions, other, *files, parts[0]):
         os.utime(old, (0, 0))
-    assert store.find_object("a:used", "all", (SOME,))
-    current = store.save(packed("a:used"), "a:new", "all", SOME)
+    assert store.find_object("a:used", "full", (SOME,))
+    current = store.save(packed("a:used"), "a:new", "full", SOME)
     assert current.parent == cache / store.folder_name()
     assert other.exists()
     assert not versions.exists()
@@ -462,40 +420,8 @@ def test_outlined_function_is_compiled_once_for_all_constants():
     assert len(power.overloads) == 1
 
 
-def test_text_of_variant_is_parsed_to_same_variant():
-    for variant in (
-        EVERYTHING,
-        Variant(
-            ("linear", "bilinear"),
-            modal=False,
-            forces=True,
-            power_dampers=False,
-            elements=False,
-            braces=False,
-            tangent_damping=False,
-            tree=False,
-            links=False,
-        ),
-    ):
-        assert parse(variant.text) == variant
-    assert parse("linear") == Variant(
-        ("linear",),
-        modal=False,
-        forces=False,
-        power_dampers=False,
-        elements=False,
-        braces=False,
-        tangent_damping=False,
-        tree=False,
-        links=False,
-    )
-    assert parse("linear+modal").only(("laws",)) == Variant(("linear",))
-    with pytest.raises(ValueError, match="unknown"):
-        parse("linear+else")
-
-
 def test_clean_removes_objects_outside_package(cache, monkeypatch):
-    path = store.save(packed("a:b"), "a:b", "all", SOME)
+    path = store.save(packed("a:b"), "a:b", "full", SOME)
     old = cache / "kernels-0123456789abcdef"
     old.mkdir()
     (old / "an.object").write_bytes(b"")
@@ -541,7 +467,7 @@ def test_clean_keeps_only_locks_in_use(cache):
 def test_shared_directory_is_readable_with_any_umask(tmp_path):
     before = os.umask(0o077)
     try:
-        path = store.save(packed("a:b"), "a:b", "all", SOME, tmp_path / "shared" / "kernels")
+        path = store.save(packed("a:b"), "a:b", "full", SOME, tmp_path / "shared" / "kernels")
     finally:
         os.umask(before)
     assert path.stat().st_mode & 0o777 == 0o644
@@ -551,13 +477,13 @@ def test_shared_directory_is_readable_with_any_umask(tmp_path):
 
 def test_prebuilt_objects_are_used_last(cache, monkeypatch):
     monkeypatch.setattr(store, "_PREBUILT", cache / "prebuilt")
-    prebuilt = cache / "prebuilt" / sys.platform / store.file_name("a:b", "all", SOME)
+    prebuilt = cache / "prebuilt" / sys.platform / store.file_name("a:b", "full", SOME)
     prebuilt.parent.mkdir(parents=True)
     prebuilt.write_bytes(packed("a:b"))
-    assert store.find_object("a:b", "all", (SOME,))[0] == prebuilt
-    assert not store.has("a:b", "all", SOME)
-    kept = store.save(packed("a:b"), "a:b", "all", SOME)
-    assert store.find_object("a:b", "all", (SOME,))[0] == kept
+    assert store.find_object("a:b", "full", (SOME,))[0] == prebuilt
+    assert not store.has("a:b", "full", SOME)
+    kept = store.save(packed("a:b"), "a:b", "full", SOME)
+    assert store.find_object("a:b", "full", (SOME,))[0] == kept
 
 
 def test_missing_loop_without_compiler_is_reported(cache, monkeypatch):
@@ -567,16 +493,14 @@ def test_missing_loop_without_compiler_is_reported(cache, monkeypatch):
         "install numba to compile them"
     )
     with pytest.raises(AnalysisError, match=message):
-        _ = Kernel(scaled.function, scaled.signature, ()).compiled
+        _ = new_kernel().compiled
 
 
 def test_compilation_error_of_other_module_has_reason_and_line():
     """The message contains the explanation of numba and the last line of the module that numba
     names."""
-    compilation = Compilation(
-        SimpleNamespace(name=scaled.name, function=scaled.function, parts=()), EVERYTHING, {}
-    )
-    own = compilation.request[1]
+    compilation = Compilation(scaled, ANY, {})
+    own = compilation.request[2]
     name = Path(own).name
     text = [
         "Traceback", f'  File "/a/b/{name}", line 3, in scaled',
@@ -592,10 +516,8 @@ def test_compilation_error_of_other_module_has_reason_and_line():
     )
     assert compilation.reason(["one line"]) == f"{own}: one line"
     assert compilation.reason([]) == ""
-    package = Compilation(
-        SimpleNamespace(name="a:b", function=follow.function, parts=()), EVERYTHING, {}
-    )
-    assert package.request == ("a:b", None)
+    package = Compilation(follow, FULL, {})
+    assert package.request == ("tdint.kernels.stories.law_state:follow", FULL, None)
     assert package.reason(text) == "cannot unify float64 and int64" and package.reason([]) == ""
 
 
@@ -610,7 +532,7 @@ def test_position_in_external_file_precedes_if_its_name_is_not_normalized(monkey
         "cannot unify float64 and int64",
         '  File "/a/tdint/kernels/layout.py", line 3, in ground_at',
     ]
-    message = Compilation(scaled, EVERYTHING, {}).reason(text)
+    message = Compilation(scaled, ANY, {}).reason(text)
     assert message == f"{file}:17: cannot unify float64 and int64"
 
 
@@ -631,7 +553,7 @@ def test_truncated_object_of_ended_process_is_refused(cache, monkeypatch, second
     program = f"input(); print(end='{written}'); raise SystemExit('out of memory')"
     start_instead(monkeypatch, program)
     monkeypatch.setattr(process_module, "processors", lambda: 1)
-    requested = [(scaled, EVERYTHING, name) for name in ("linux-aarch64", "macos-aarch64")]
+    requested = [(scaled, ANY, name) for name in ("linux-aarch64", "macos-aarch64")]
     with pytest.raises(AnalysisError, match=r"small_kernel\.py: out of memory$") as caught:
         list(process_module.run_all(process_module.compilations(requested)))
     assert str(caught.value).startswith("small_kernel:scaled cannot be compiled: ")
@@ -645,7 +567,11 @@ PROGRAM_WITHOUT_COMPILER = """
 import os, sys
 from types import SimpleNamespace
 os.environ["TDINT_KERNELS"] = ""  # decorators without numba
-compiler = SimpleNamespace(objects_of=lambda function, *_: ([b"machine code"], function.__name__))
+compiler = SimpleNamespace(
+    objects_of=lambda function, *_: ([b"machine code"], function.__name__),
+    objects_of_law=None,
+    LawTable=None
+)
 sys.modules["tdint.kernels.building.compiler"] = compiler
 from tdint.kernels import build
 build._take_shortcuts = lambda: None
@@ -659,7 +585,7 @@ def test_printed_text_of_plugin_is_not_read_as_object(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     module = importlib.import_module("small_that_prints")
     start_instead(monkeypatch, PROGRAM_WITHOUT_COMPILER)
-    requested = process_module.compilations([(module.scaled, EVERYTHING, "native")])
+    requested = process_module.compilations([(module.scaled, ANY, "native")])
     ((_, (data,)),) = process_module.run_all(requested)
     code, description = unpack(data)
     assert (code, description["symbol"]) == (b"machine code", "scaled")
@@ -703,23 +629,18 @@ def test_module_is_executed_alone_only_if_its_package_is_not_found(package):
 def test_process_started_after_stop_is_killed(monkeypatch):
     """The thread has taken the compilation from the list, but not yet started its process."""
     start_instead(monkeypatch, "import time; time.sleep(60)")
-    (group,) = process_module._groups(
-        process_module.compilations([(scaled, EVERYTHING, "linux-aarch64")])
-    )
+    (group,) = process_module._groups(process_module.compilations([(scaled, ANY, "linux-aarch64")]))
     work = process_module._Work(deque(), SimpleQueue(), set(), Event())
     work.stopped.set()
-    with process_module._process(group, work) as (process, _):
+    with process_module._process(group[0], work) as (process, _):
         assert process.wait(30) != 0
     assert not work.running
 
 
 def test_misspelled_name_is_reported_with_line():
     """This includes kernels of tdint, for which numba does not report a position."""
-    kernel = SimpleNamespace(
-        name="tdint.kernels.stories.law_state:follow", function=follow.function, parts=()
-    )
     head = "Failed in nopython mode pipeline"
-    message = Compilation(kernel, EVERYTHING, {}).reason(
+    message = Compilation(follow, FULL, {}).reason(
         [head, "of a caller", head, "NameError: name 'drifts' is not defined"]
     )
     path, line, reason = message.split(":", 2)
@@ -730,49 +651,33 @@ def test_misspelled_name_is_reported_with_line():
     assert "drifts" in Path(path).read_text().splitlines()[int(line) - 1]
 
 
-def test_compilation_message_lists_loops_and_duration(monkeypatch):
-    """The message lists time loops by module, with their laws. The estimated time is the time of
-    the longest loop, or the total time divided by the processors."""
-
-    def kernel(name, *parts):
-        return SimpleNamespace(name=f"tdint.kernels.{name}:march", parts=parts)
-
-    bilinear, bilinear_and_gap = Variant(("bilinear",)), Variant(("bilinear", "gap"))
-    shown = [
-        building_module._label((kernel("a.b", "laws"), variant))
-        for variant in (bilinear, bilinear_and_gap, EVERYTHING)
+def test_compilation_message_counts_loops_and_laws(monkeypatch):
+    """The message lists time loops by module, and laws by name. The estimated time is the time of
+    the longest compilation, or the total time divided by the processors."""
+    variant = Variant(PLAIN, compiled_laws((0.0, 8.5)))
+    needed = building_module.required([(follow, variant), (scaled, variant)])
+    assert list(map(building_module._label, needed)) == [
+        "law_state",
+        "linear",
+        "imk~",
+        "small_kernel",
     ]
-    assert shown == ["b (bilinear)", "b (bilinear, gap)", "b (all laws)"]
-    assert building_module._label((kernel("a.c"), bilinear_and_gap)) == "c"
+    assert building_module.counted(needed) == "2 time loops and 2 laws"
+    assert building_module.counted(needed[:1]) == "1 time loop"
     monkeypatch.setattr(building_module, "processors", lambda: 2)
-    alone = [
-        building_module.duration([(kernel("b", "laws"), variant)])
-        for variant in (bilinear, bilinear_and_gap, EVERYTHING)
-    ]
-    assert alone == sorted(alone) and len(set(alone)) == 3
-    many = Variant(("bilinear", "gap", "imk", "tanh"))
-    assert building_module.duration([(kernel("b", "laws"), many)]) == alone[2]
-    assert building_module.duration([(kernel("b"), EVERYTHING)]) == alone[0]
-    assert building_module.duration([(kernel("b", "laws"), bilinear_and_gap)] * 8) == 4 * alone[1]
-    assert (
-        building_module.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), bilinear)])
-        == alone[2]
-    )
+    plain, full, other = (building_module.duration([(follow, form)]) for form in (PLAIN, FULL, ANY))
+    assert other < plain < full
+    assert building_module.duration([(follow, PLAIN)] * 8) == 4 * plain
+    assert building_module.duration([(follow, FULL), (scaled, ANY)]) == full
 
 
-@pytest.mark.parametrize("whole", [False, True])
-def test_variant_that_runs_require_is_compiled_ahead(cache, monkeypatch, whole):
-    """The listed object file is the file that was written. With TDINT_KERNELS=whole, only laws of
-    plug-ins are compiled specifically."""
-    monkeypatch.setattr(compilable, "WHOLE", whole)
-    outside = Variant(("linear", "own@99"))
-    kernel = Kernel(scaled.function, scaled.signature, ("laws",))
-    pairs = [(kernel, variant) for variant in (Variant(("linear",)), EVERYTHING, outside)]
-    monkeypatch.setitem(OUTSIDE, "own", "tdint.kernels.laws.linear")
+def test_form_that_runs_require_is_compiled_ahead(cache, monkeypatch):
+    """The listed object file is the file that was written."""
+    pairs = [(new_kernel(has_forms=True), Variant(form)) for form in (PLAIN, FULL)]
 
     def run_all(compilations):
         for compilation in compilations:
-            names = compilation.kernel.name, compilation.variant.text, native()
+            names = compilation.kernel.name, compilation.form, native()
             yield compilation, [pack(b"code", {**store.identity(*names), "symbol": "b"})]
 
     monkeypatch.setattr("tdint.kernels.building.process.run_all", run_all)
@@ -780,25 +685,4 @@ def test_variant_that_runs_require_is_compiled_ahead(cache, monkeypatch, whole):
     assert sorted(map(str, written)) == sorted(
         file for _, _, file, _ in building_module.list_objects(pairs)
     )
-    assert len(written) == (2 if whole else 3)
-
-
-def test_loops_for_all_laws_are_used_unless_benchmarks_compare_times(monkeypatch):
-    """Otherwise, methods with building-specific loops in the cache would be compared with methods
-    that use slower loops for all laws."""
-    kernel, variant = SimpleNamespace(name="a:b"), Variant(laws=("tanh",))
-    monkeypatch.setattr(
-        store, "find_object", lambda name, text, _: ("file", b"", "b") if "all" in text else None
-    )
-    monkeypatch.setattr(building_module, "_load", lambda *_: True)
-    assert building_module._load_existing([(kernel, variant)]) == []
-    # As `use_own_loops` of the benchmarks
-    monkeypatch.setattr(building_module, "_usable_variants", lambda variant: (variant,))
-    assert building_module._load_existing([(kernel, variant)]) == [(kernel, variant)]
-
-
-def test_all_laws_do_not_replace_laws_that_can_fracture():
-    """The loop for all buildings has no branch for a fracture, which it would ignore."""
-    usable = building_module._usable_variants
-    assert usable(parse("linear,bilinear")) == (parse("linear,bilinear"), EVERYTHING)
-    assert usable(parse("linear,bilinear~")) == (parse("linear,bilinear~"),)
+    assert len(written) == 2

@@ -22,8 +22,10 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.kernels import linear_terms
 from tdint.kernels.building import load_or_compile, process, store, target
-from tdint.kernels.building.compilable import EVERYTHING
-from tdint.kernels.laws import selection
+from tdint.kernels.building.compilable import FULL, PLAIN
+from tdint.kernels.compiling import Kernel
+from tdint.kernels.laws.compiled import CompiledLaw
+from tdint.kernels.stories import law_state
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import catalogue, parse
 from tdint.response.runs.analysis_kernels import run_interpreted
@@ -36,7 +38,7 @@ import tdint
 from tdint.response.runs.analysis_kernels import run_interpreted
 for file, method in json.loads(sys.argv[1]):
     case = tdint.prepare(file, method=method, allow_unstable=True)
-    assert run_interpreted(case.prepared, [case.method], 100)
+    assert run_interpreted(case.prepared, [case.method])
     response = tdint.run_case(case, duration=0.5, check=False)
     print(json.dumps([response.stories.peak_drift.tolist(), response.stories.peak_absolute_acceleration.tolist()]))
 """  # noqa: E501
@@ -93,25 +95,25 @@ def test_interpreted_division_by_zero_gives_infinity():
         return array[0, 0]
 
     array = np.zeros((2, 2))
-    assert load_or_compile.as_views(kernel, EVERYTHING)(2.0, array) == 1.0
+    assert load_or_compile.as_views(kernel, FULL)(2.0, array) == 1.0
     np.testing.assert_array_equal(array, [[1.0, np.inf], [0.0, 0.0]])
 
 
 def test_interpreted_kernels_omit_features_only_during_a_call():
     def kernel(array, fails):
-        seen.append((linear_terms.TREE, selection.HAS_ELEMENTS, linear_terms.FORCES, rows.ELEMENTS))
+        seen.append((linear_terms.FULL, law_state.FULL, rows.ELEMENTS))
         return 1 / array[0] if fails else 0.0
 
     seen, array = [], np.zeros(1)
-    plain = load_or_compile.as_views(kernel, EVERYTHING._replace(tree=False, elements=False))
+    plain = load_or_compile.as_views(kernel, PLAIN)
     for fails in (False, True):  # the second call is repeated with arrays
         plain(array, fails)
-    load_or_compile.as_views(kernel, EVERYTHING)(array, False)
-    omitted, complete = (False, False, True, rows.ELEMENTS), (True, True, True, rows.ELEMENTS)
+    load_or_compile.as_views(kernel, FULL)(array, False)
+    omitted, complete = (False, False, rows.ELEMENTS), (True, True, rows.ELEMENTS)
     assert seen == [omitted, omitted, omitted, complete]
     with pytest.raises(KeyError):
-        load_or_compile.as_views(lambda _: {}[0], EVERYTHING._replace(tree=False))(array)
-    assert linear_terms.TREE
+        load_or_compile.as_views(lambda _: {}[0], PLAIN)(array)
+    assert linear_terms.FULL
 
 
 @pytest.fixture
@@ -122,9 +124,9 @@ def background_processes(tmp_path, monkeypatch):
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "find_object", lambda *arguments, **how: None)
     # Kernels of this process remain unchanged.
-    monkeypatch.setattr(
-        "tdint.kernels.building.compilable.Compilable.install", lambda *arguments, **how: None
-    )
+    for compiled in (Kernel, CompiledLaw):
+        monkeypatch.setattr(compiled, "interpret", lambda *arguments: None)
+    monkeypatch.setattr(load_or_compile, "_BACKGROUND", {})
     started = []
     monkeypatch.setattr(
         load_or_compile, "spawn_detached", lambda arguments, folder: started.append(arguments)
@@ -132,22 +134,41 @@ def background_processes(tmp_path, monkeypatch):
     return started
 
 
-def begun(model="ten-story", method="impulse4", steps=1000):
+def begun(model="ten-story", method="impulse4"):
     prepared = PreparedBuilding.of(tdint.load_model(CONFIGS / f"{model}.yaml"))
-    return run_interpreted(prepared, [parse(method)], steps)
+    return run_interpreted(prepared, [parse(method)])
 
 
-def test_only_short_run_is_interpreted(background_processes):
-    """The limit is 180 000 steps times floors including the ground; ten stories have eleven."""
-    assert begun(steps=180_000 // 11) and len(background_processes) == 1
-    assert not begun(steps=180_000 // 11 + 1)
-    assert not begun("fluid-dampers", steps=1)
-    assert len(background_processes) == 1
+def test_run_of_any_building_with_stories_starts_interpreted(background_processes):
+    assert begun() and begun("fluid-dampers")
+    assert len(background_processes) == 2
+    assert not begun("frame-matrix")
+
+
+def test_run_continues_with_loops_that_were_compiled_meanwhile(background_processes, monkeypatch):
+    """The loop that another process has compiled is used from the next call of the loop on, and a
+    compilation that could not start, because another one was running, is started again."""
+    loaded = []
+    monkeypatch.setattr(
+        load_or_compile, "_load_existing", lambda items: loaded.extend(items) or items
+    )
+    assert begun() and len(background_processes) == 1
+    loaded.clear()
+    load_or_compile.use_compiled_kernels()
+    assert not loaded and len(background_processes) == 1
+    load_or_compile._BACKGROUND["time"] -= 60.0
+    load_or_compile.use_compiled_kernels()
+    assert not loaded and len(background_processes) == 2
+    monkeypatch.setattr(store, "has", lambda *arguments: True)
+    load_or_compile.use_compiled_kernels()
+    load_or_compile.use_compiled_kernels()
+    assert {"impulse4", "loop", "linear"} <= set(map(load_or_compile._label, loaded))
+    assert len(loaded) == len(set(loaded))
 
 
 @pytest.mark.parametrize(
     "name, value",
-    [("CI", "true"), ("TDINT_COMPILE", "wait"), ("SLURM_JOB_ID", "7"), ("TDINT_KERNELS", "whole")],
+    [("CI", "true"), ("TDINT_COMPILE", "wait"), ("SLURM_JOB_ID", "7"), ("TDINT_KERNELS", "python")],
 )
 def test_environment_prevents_interpretation(background_processes, monkeypatch, name, value):
     assert begun()
@@ -200,9 +221,8 @@ def test_no_compiler_is_started_if_no_thread_can_be_started(monkeypatch):
 
     monkeypatch.setattr(process.subprocess, "Popen", refused)
     monkeypatch.setattr(ThreadPoolExecutor, "submit", refused)
-    (kernel, variant), *_ = required_loops("ten-story")
     with pytest.raises(AnalysisError, match="no process or thread can be started") as caught:
-        list(process.run_all(process.compilations([(kernel, variant, target.NATIVE)])))
+        list(process.run_all(process.compilations([(integrate, PLAIN, target.NATIVE)])))
     assert "ulimit -u" in str(caught.value)
 
 

@@ -301,6 +301,6 @@ def test_gauss_points_of_a_polynomial_with_unused_coefficients():
 @pytest.mark.parametrize("number", [0.0, -3.0, math.nan, 2.5, 1e9])
 def test_number_of_gauss_points_of_a_plugin_law(monkeypatch, number):
     """The function `points` of a plug-in can return any number. At least one point is used."""
-    monkeypatch.setattr(path_module, "_points", lambda *arguments: number)
+    monkeypatch.setattr(path_module, "points_on_path", lambda *arguments: number)
     expected = {2.5: 2.5, 1e9: path_module._MAX_POINTS}.get(number, 1.0)
     assert path_module.required_points(None, None, 0, 1.0) == expected

@@ -13,14 +13,14 @@ import pytest
 
 import tdint
 from tdint.kernels.building import sources
+from tdint.kernels.building.load_or_compile import required
 from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import LAWS
 from tdint.response.runs.analysis_kernels import all_kernels
 
 PACKAGE = Path(tdint.__file__).parent
-MODULES = {
-    name: name.partition(":")[0] for name in sorted({kernel.name for kernel, _ in all_kernels()})
-}
+NAMES = sorted({kernel.name for kernel, _ in required(all_kernels())})
+LOOPS = {name for name in NAMES if ":law." not in name}
 LAWS_PACKAGE = "tdint.kernels.laws"
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
 
@@ -56,27 +56,25 @@ def copy(copied, monkeypatch):
 
 @pytest.fixture
 def changed(copy):
-    """Return a function that edits a file and returns the kernels that must be recompiled, with all
-    laws and for a linear building."""
+    """Return a function that edits a file and returns the kernels and laws that must be
+    recompiled."""
 
     def digests():
         forget()
-        return {
-            name: [sources.digest(name, laws) for laws in ((), ("linear",))] for name in MODULES
-        }
+        return {name: sources.digest(name) for name in NAMES}
 
     def edit(file, text="UNUSED = 0\n"):
         before, old = digests(), (copy / file).read_text()
         (copy / file).write_text(old + text)
         after = digests()
         (copy / file).write_text(old)
-        return [{name for name in MODULES if before[name][k] != after[name][k]} for k in (0, 1)]
+        return {name for name in NAMES if before[name] != after[name]}
 
     return edit
 
 
 def test_module_of_law_has_name_of_law():
-    """The laws that a kernel is compiled without are identified by this name."""
+    """The process that compiles a law imports this module."""
     for law in LAWS:
         assert law.functions.__module__ == f"{LAWS_PACKAGE}." + law.name.replace("-", "_")
 
@@ -107,9 +105,11 @@ def file_of(module):
     )
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", NAMES)
 def test_imports_of_kernel_agree_with_parsed_imports(name):
-    found, new = set(), [MODULES[name]]
+    found, new = set(), [name.partition(":")[0]]
+    if name not in LOOPS:
+        new.append(f"{LAWS_PACKAGE}.hooks")
     while new:
         module = new.pop()
         if (
@@ -118,42 +118,36 @@ def test_imports_of_kernel_agree_with_parsed_imports(name):
             and not module.startswith("tdint.kernels.building.")
         ):
             found.add(module)
-            if module == LAWS_PACKAGE:  # imports the module of a law when it is first used
-                new += [law.functions.__module__ for law in LAWS]
             new += [
                 name_of_import
                 for name_of_import in imported(file)
                 if name_of_import.startswith(("tdint.kernels", "tdint.methods"))
             ]
-    assert set(sources.closure(MODULES[name])) == found | set(sources._COMPILING)
+    assert set(sources.closure(name)) == found | set(sources._COMPILING)
 
 
 def test_edited_method_does_not_change_other_kernels(changed):
-    assert changed("methods/bathe.py") == [{"tdint.methods.bathe:step"}] * 2
-    assert changed("kernels/building/load_or_compile.py") == [set(), set()]
+    assert changed("methods/bathe.py") == {"tdint.methods.bathe:step"}
+    assert changed("kernels/building/load_or_compile.py") == set()
 
 
 def test_edited_indirect_import_changes_kernels(changed):
-    everything, linear = changed("kernels/layout.py", "\nNO_ROW = 7\n")
-    assert everything == linear
-    assert "tdint.methods.impulse4:step" in everything
-    assert "tdint.kernels.oscillators.elastic:peaks" not in everything
+    recompiled = changed("kernels/layout.py", "\nNO_ROW = 7\n")
+    assert "tdint.methods.impulse4:step" in recompiled
+    assert "tdint.kernels.oscillators.elastic:peaks" not in recompiled
 
 
-def test_edited_unused_law_does_not_change_kernels(changed):
-    everything, linear = changed("kernels/laws/imk.py")
-    assert "tdint.methods.moment4:step" in everything
-    assert not linear
-    assert changed("kernels/building/compiler.py") == [set(MODULES)] * 2
+def test_edited_law_changes_only_its_object(changed):
+    """The kernels contain only functions of the linear and the bilinear law."""
+    assert changed("kernels/laws/imk.py") == {"tdint.kernels.laws.imk:law.imk"}
+    assert "tdint.methods.moment4:step" in changed("kernels/laws/bilinear.py")
+    assert changed("kernels/building/compiler.py") == set(NAMES)
 
 
 def test_edited_text_does_not_change_kernels(changed):
     """A docstring or a comment never causes a compilation."""
     for file in ("kernels/layout.py", "methods/bathe.py", "kernels/building/compiler.py"):
-        assert changed(file, '\n"""A further docstring: f"no code".\n"""\n\n# A remark\n') == [
-            set(),
-            set(),
-        ]
+        assert changed(file, '\n"""A further docstring: f"no code".\n"""\n\n# A remark\n') == set()
 
 
 def tokens_of_code(text):
@@ -175,7 +169,7 @@ def tokens_of_code(text):
 def test_hashed_text_contains_the_complete_code(folder):
     """The hash includes each token of each module on which an object file depends, and the
     indentation of its lines."""
-    hashed_files = {file for name in MODULES.values() for file in sources.closure(name).values()}
+    hashed_files = {file for name in NAMES for file in sources.closure(name).values()}
     for file in sorted(hashed_files):
         text = file.read_bytes()
         if file.is_relative_to(PACKAGE / folder):
@@ -192,7 +186,7 @@ def test_digest_of_external_kernel_includes_its_imports(tmp_path, copy, monkeypa
     monkeypatch.setitem(sys.modules, "small", SimpleNamespace(__file__=str(small)))
     first = sources.digest("small:scaled")
     assert {"small", "tdint.kernels.time_loop.loop", "tdint.kernels.layout"} <= sources.closure(
-        "small"
+        "small:scaled"
     ).keys()
     small.write_text(SMALL.read_text().replace("2.0 * x", "3.0 * x"))
     forget()

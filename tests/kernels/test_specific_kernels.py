@@ -1,8 +1,7 @@
-"""The kernels of a variant give the results of the kernels with all features.
+"""The kernels of a form give the results of the kernels with all features.
 
-Users run compiled kernels without the laws and features that a building does not have; most tests
-run kernels with all features. Here the functions of a variant are executed in plain Python: each
-kernel from a copy of the modules that was imported for its variant (TDINT_KERNELS_VARIANT).
+Here the functions of a form are executed in plain Python: each kernel from a copy of the modules
+that was imported for its form (TDINT_KERNELS_FORM).
 """
 
 import importlib
@@ -28,6 +27,7 @@ ATTACHED = {
     "attachments": [{"name": "t", "floor": 1, "mass": 0.05 * MASS, "stiffness": 0.05 * STIFFNESS}]
 }
 CASES = {
+    "plain": ({}, {}),
     "braces": (BRACED, {}),
     "power": (POWER, {}),
     "modal-attachment": ({}, {**MODAL, **ATTACHED}),
@@ -46,29 +46,29 @@ def building(law, of_story, of_model):
 
 
 @cache
-def kernel_of_variant(variant, module, name):
-    """Return the Python function of a kernel from modules that were imported for a variant.
+def kernel_of_form(form, module, name):
+    """Return the Python function of a kernel from modules that were imported for a form.
 
     The modules of the process are restored at the end.
     """
     own = {key: value for key, value in sys.modules.items() if key.startswith(PACKAGES)}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TDINT_KERNELS_VARIANT", variant)
+        patch.setenv("TDINT_KERNELS_FORM", form)
         for package in ("kernels", "methods"):
             patch.setattr(tdint, package, getattr(tdint, package))
         for key in own:
             del sys.modules[key]
-        sys.modules.update(_copies.get(variant, {}))
+        sys.modules.update(_copies.get(form, {}))
         try:
             return getattr(importlib.import_module(module), name).function
         finally:
             copies = [key for key in sys.modules if key.startswith(PACKAGES)]
-            _copies[variant] = {key: sys.modules.pop(key) for key in copies}
+            _copies[form] = {key: sys.modules.pop(key) for key in copies}
             sys.modules.update(own)
 
 
 _copies = {}
-"""Modules by variant."""
+"""Modules by form."""
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -84,13 +84,11 @@ def test_specific_kernels_give_the_results_of_kernels_with_all_features(law, cas
                 function = kernel.function
                 if specific:
                     names = function.__module__, function.__name__
-                    function = kernel_of_variant(required.only(kernel.parts).text, *names)
-                kernel.install(
-                    kernel.required_variant(required), _python_function(function), interpreted=True
-                )
+                    function = kernel_of_form(required.form, *names)
+                kernel._loaded[kernel.form(required)] = _python_function(function)
             stories = tdint.run(model, MOTION, method=method).stories
             peaks.append([stories.peak_drift, stories.peak_total_shear, stories.peak_damper_force])
             for kernel, _ in kernels(parse(method), variant):
                 kernel._loaded.clear()
-                kernel._last = kernel._last[0], None
+                kernel._last = None
         np.testing.assert_allclose(peaks[1], peaks[0], rtol=1e-7)

@@ -28,18 +28,18 @@ from tdint.assessment.order import order as order_module
 from tdint.assessment.order.order import check_law, check_method
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import build
-from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.compilable import ANY, FULL, Variant
 from tdint.kernels.building.process import Compilation
 from tdint.kernels.building.sources import CODE, closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS, gap
-from tdint.kernels.time_loop.loop import integrate
+from tdint.kernels.laws.compiled import compiled_laws
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
 from tdint.model import story_laws
 from tdint.model.definition import Link
 from tdint.model.plugins import files_to_send
-from tdint.model.story_laws import LINEAR, Law
+from tdint.model.story_laws import CODES, LINEAR, Law
 from tdint.public_names import PLUGIN
 from tdint.response.runs import compiled_steps
 from tdint.response.runs.batch import Subject
@@ -225,15 +225,16 @@ def test_energies_are_required_only_where_stories_dissipate(tmp_path, monkeypatc
     monkeypatch.delenv("TDINT_KERNELS", raising=False)
     integrator, features = methods.parse("leaky"), compiled_steps.LINEAR_OSCILLATORS
     compiled_steps.validate_plugin_step(integrator)
-    for laws in (("linear", "polynomial"), ("linear", "tanh")):
+    for name in ("polynomial", "tanh"):
+        laws = compiled_laws((0.0, CODES[name]))
         compiled_steps.kernels(integrator, features._replace(laws=laws))
     # The problems of `failures` are elastic.
     for problem in problems().values():
         compiled_steps.kernels(integrator, PreparedBuilding.of(problem.model).variant)
     with pytest.raises(AnalysisError, match="the energies are not balanced"):
-        compiled_steps.kernels(integrator, features._replace(laws=("linear", "bilinear")))
+        compiled_steps.kernels(integrator, features._replace(laws=compiled_laws((0.0, 1.0))))
     with pytest.raises(AnalysisError, match="the energies are not balanced"):
-        compiled_steps.kernels(integrator, Variant())
+        compiled_steps.kernels(integrator, Variant(FULL, compiled_laws((0.0, 3.0))))
 
 
 @pytest.mark.usefixtures("plain")
@@ -311,12 +312,13 @@ def test_false_tangent_and_energy_of_law_are_reported(tmp_path, hyperbolic):
 
 
 def test_plugin_law_does_not_change_sources_of_other_models(hyperbolic):
-    name = "tdint.methods.impulse4"
-    before = closure(name), closure(name, ("linear",))
+    name = "tdint.methods.impulse4:step"
+    before = closure(name)
     tdint.load_plugin(str(hyperbolic))
-    assert (closure(name), closure(name, ("linear",))) == before
-    with_it = closure(name, ("linear", f"hyperbolic@{OURS}"))
-    assert with_it.keys() - before[1].keys() == {"tdint_plugin_hyperbolic"}
+    assert closure(name) == before
+    (law,) = compiled_laws([float(OURS)])
+    assert law.name == "tdint_plugin_hyperbolic:law.hyperbolic"
+    assert "tdint_plugin_hyperbolic" in closure(law.name)
 
 
 LAWS_ELSEWHERE = {
@@ -344,20 +346,21 @@ LAWS_ELSEWHERE = {
 }
 
 
-def registered_by_compiling_process(monkeypatch, law_name):
-    """Return the law that the process that compiles kernels registers for a registered law."""
-    variant = Variant(("linear", f"{law_name}@{OURS}"))
-    compilation = Compilation(integrate, variant, {})
-    monkeypatch.setenv("TDINT_KERNELS_PLUGINS", json.dumps(compilation.plugins))
-    files = closure(compilation.module, variant.laws)
+def found_by_compiling_process():
+    """Return the law that the process that compiles finds for a registered law."""
+    (law,) = compiled_laws([float(OURS)])
+    compilation = Compilation(law, ANY, {})
+    name, _, file = compilation.request
+    module, _, attribute = name.partition(":")
+    files = closure(name)
     forget()
     try:
-        build._add_laws(variant.text)
+        found = build._law(build._module(module, file), attribute.removeprefix("law."))
     except SystemExit as error:
         raise AnalysisError(compilation.reason([str(error)])) from None
-    assert closure(compilation.module, variant.laws) == files
+    assert closure(name) == files
     assert "tdint_plugin_lists_laws" in files
-    return NUMBERED[OURS]
+    return found
 
 
 @pytest.mark.parametrize("case", LAWS_ELSEWHERE)
@@ -367,14 +370,14 @@ def test_law_is_found_by_compiling_process(tmp_path, hyperbolic, monkeypatch, ca
     monkeypatch.syspath_prepend(str(tmp_path))
     tdint.load_plugin(str(outside(tmp_path, LAWS_ELSEWHERE[case], "lists_laws")))
     registered = NUMBERED[OURS]
-    found = registered_by_compiling_process(monkeypatch, "my-law")
+    found = found_by_compiling_process()
     assert (found.name, found.formula) == ("my-law", registered.formula)
 
 
-def test_law_that_no_module_contains_is_reported_in_one_line(monkeypatch):
+def test_law_that_no_module_contains_is_reported_in_one_line():
     story_laws.register_law(replace(story_laws.LAWS["tanh"], name="alone"))
     with pytest.raises(AnalysisError, match=r"^law 'alone' not found in .*tanh\.py; [^\n]*LAWS"):
-        registered_by_compiling_process(monkeypatch, "alone")
+        found_by_compiling_process()
 
 
 def test_imports_of_plugin_belong_to_its_sources(tmp_path, verlet, monkeypatch):

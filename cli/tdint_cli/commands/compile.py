@@ -68,7 +68,7 @@ def command(request: Request) -> None:
     By default, tdint compiles the time loops of a building at its first time integration, which
     takes 5 to 20 s. This command compiles them in advance: for container images, for clusters and
     laboratories where users have no write permission, and for other processors. It compiles the
-    time loops of each MODEL.yaml, or with --all one variant of all time loops, which takes a few
+    time loops and laws of each MODEL.yaml, or with --all those of all buildings, which takes a few
     minutes. Without -o the objects are stored in the cache of the user, never in the installed
     package; --clean removes them, for example before tdint is uninstalled.
     """
@@ -105,7 +105,7 @@ def command(request: Request) -> None:
     if request.show:
         from tdint.output.tables.table import csv_bytes
 
-        emit(csv_bytes([("loop", "variant", "object", "origin"), *list_objects(kernels)]))
+        emit(csv_bytes([("loop", "form", "object", "origin"), *list_objects(kernels)]))
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(request.output) if request.output else None

@@ -190,14 +190,15 @@ def _run(request: Request) -> None:
     # The number of time steps of a sequence, and of a run with --tolerance or --until-rest, is
     # known only after the run.
     is_adaptive = bool(events or request.tolerance or request.until_rest)
-    step_count = 0 if is_adaptive else _step_count(request, case)
+    if not is_adaptive:
+        _check_steps(request, case)
     # Print these warnings before the integration: an incorrect unit can explain a failure, and a
     # smaller time step does not correct it. The records of a sequence are joined by the run, so
     # that their warnings follow after it.
     warn(*case.plausibility_warnings, *_record_warnings(None if events else case.record))
-    is_interpreted = bool(step_count) and _interpret_if_short(request, case, step_count)
+    is_interpreted = _interpret_if_not_compiled(request, case)
     try:
-        response = _respond(case, events, request, is_interpreted)
+        response = _respond(case, events, request, is_interpreted and not is_adaptive)
     except FailedRun as failure:
         from tdint.output.summary import model_input
 
@@ -258,29 +259,26 @@ def _sequence_records(request: Request, model: Model) -> list[Record]:
     return events
 
 
-def _step_count(request: Request, case: Case) -> int:
-    """Return the number of time steps of a run, and check the disk space for its history."""
+def _check_steps(request: Request, case: Case) -> None:
+    """Check the time step and the duration of a run, and the disk space for its history."""
     from tdint.response.arguments import number_of
 
     dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
     step_count = case.steps(dt, duration).count
     if request.history:
         _check_disk_space(request, case.model, step_count)
-    return step_count
 
 
-def _interpret_if_short(request: Request, case: Case, step_count: int) -> bool:
-    """Select interpreted time loops if the run is so short that a compilation would take longer;
+def _interpret_if_not_compiled(request: Request, case: Case) -> bool:
+    """Select interpreted time loops for the start of the run if the compiled ones do not exist yet;
     return True if they are selected."""
     from tdint.response.runs.analysis_kernels import run_interpreted
     from tdint.response.runs.error_estimate import reference
 
     methods = [case.method]
     if request.check is not False:
-        # The second run for the error estimate has two times the steps: three times the steps in
-        # total.
-        methods, step_count = [case.method, reference(case).method], 3 * step_count
-    return run_interpreted(case.prepared, methods, step_count)
+        methods = [case.method, reference(case).method]
+    return run_interpreted(case.prepared, methods)
 
 
 def _failure_content(

@@ -1,6 +1,7 @@
-"""Process that compiles kernels of a single variant: `python -P -m tdint.kernels.build`.
+"""Process that compiles kernels of a single form, and laws: `python -P -m tdint.kernels.build`.
 
-Each line of the standard input requests one kernel as JSON: `["MODULE:KERNEL", FILE]`. FILE is the
+Each line of the standard input requests an object as JSON: `["MODULE:KERNEL", FORM, FILE]`, or a
+law by `MODULE:law.NAME`. FILE is the
 file of a module that cannot be imported by its name, and null otherwise. The object files for the
 targets in TDINT_KERNELS_TARGETS are written to the standard output, in the format of
 `tdint.kernels.building.loading`, each after a line with the number of its bytes. Code that several
@@ -19,10 +20,12 @@ import os
 import sys
 import threading
 from contextlib import suppress
-from dataclasses import replace
 from queue import SimpleQueue
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tdint.kernels.laws.law import DriftLaw
 
 
 def main() -> None:
@@ -37,13 +40,13 @@ def main() -> None:
     sys.stdout = sys.stderr
     # numba imports SciPy's linear algebra, which kernels do not use.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
-    variant = os.environ["TDINT_KERNELS_VARIANT"]
-    _add_laws(variant)
 
-    from tdint.kernels.building.compiler import objects_of
+    from tdint.kernels.building.compilable import LAW_PREFIX
+    from tdint.kernels.building.compiler import objects_of, objects_of_law
     from tdint.kernels.building.loading import pack
     from tdint.kernels.building.store import identity
     from tdint.kernels.building.target import named
+    from tdint.kernels.laws.hooks import hooks_of, properties
 
     # Internals of numba can change. Without the shortcuts the compilation is slower.
     with suppress(ImportError, AttributeError):
@@ -53,14 +56,19 @@ def main() -> None:
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     while True:
-        name, file = json.loads(requests.get())
+        name, form, file = json.loads(requests.get())
         module_name, _, attribute = name.partition(":")
-        kernel = getattr(
-            _module(module_name, file) if file else importlib.import_module(module_name), attribute
-        )
-        codes, symbol = objects_of(kernel.function, kernel.signature, targets)
+        module = _module(module_name, file) if file else importlib.import_module(module_name)
+        if attribute.startswith(LAW_PREFIX):
+            law = _law(module, attribute.removeprefix(LAW_PREFIX))
+            codes = objects_of_law(hooks_of(law), targets)
+            about: dict[str, Any] = {"properties": properties(law)}
+        else:
+            kernel = getattr(module, attribute)
+            codes, symbol = objects_of(kernel.function, kernel.signature, targets)
+            about = {"symbol": symbol}
         for code, target in zip(codes, targets, strict=True):
-            data = pack(code, {**identity(name, variant, target), "symbol": symbol})
+            data = pack(code, {**identity(name, form, target), **about})
             output.write(b"%d\n" % len(data) + data)
         output.flush()
 
@@ -186,36 +194,23 @@ def _module(name: str, file: str) -> Any:
     return sys.modules[name]
 
 
-def _add_laws(variant: str) -> None:
-    """Register the plug-in laws of a variant with their numbers (names and numbers are in
-    `variant`).
+def _law(module: Any, name: str) -> DriftLaw:
+    """Return a law of a module, or the law that follows it until it fractures.
 
-    The registration must precede the import of modules that depend on the laws. The environment
-    variable TDINT_KERNELS_PLUGINS specifies the modules of the laws, as a JSON dictionary: {"name
-    of the law": ["name of the module", "file of the module"], ...}. A module must contain its law
-    as a global variable, or in a global tuple, list, set or dictionary (`laws_in`); otherwise
-    SystemExit with a message of one line ends the process.
+    The law must be a global variable of the module, or be in a global tuple, list, set or
+    dictionary (`laws_in`); otherwise SystemExit with a message of one line ends the process.
     """
-    from tdint.kernels.building.compilable import parse
-    from tdint.kernels.building.sources import OUTSIDE, laws_in
-    from tdint.kernels.laws import LAWS, linear
+    from tdint.kernels.building.sources import FRACTURES, laws_in
+    from tdint.kernels.laws.fracture import fracturing
 
-    files = json.loads(os.environ.get("TDINT_KERNELS_PLUGINS", "{}"))
-    for name, code in parse(variant).outside.items():
-        # The list is filled up to the number of the law with unnamed laws that are not used.
-        LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
-        module_name, file = files[name]
-        laws = laws_in(_module(module_name, file))
-        law = next((law for law in laws if law.name == name), None)
-        if law is None:
-            raise SystemExit(
-                f"law {name!r} not found in {file}; assign it to a variable of this module, or "
-                "list it in the tuple LAWS of a plug-in"
-            )
-        # The hash of the sources (`tdint.kernels.building.sources.digest`) includes the modules in
-        # OUTSIDE.
-        OUTSIDE[name] = module_name
-        LAWS[code] = law
+    whole = name.removesuffix(FRACTURES)
+    law = next((law for law in laws_in(module) if law.name == whole), None)
+    if law is None:
+        raise SystemExit(
+            f"law {whole!r} not found in {module.__file__}; assign it to a variable of this "
+            "module, or list it in the tuple LAWS of a plug-in"
+        )
+    return law if name == whole else fracturing(law)
 
 
 def _listen(requests: SimpleQueue[bytes]) -> None:

@@ -16,24 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import (
     EVERYTHING,
     F8,
     I8,
-    PARTS,
+    TABLE,
     ArrayOf,
     Compilable,
     Signature,
     Variant,
-    parse,
 )
 
 __all__ = [
     "CUBE",
     "F8",
+    "FULL",
     "I8",
     "TABLE",
-    "VARIANT",
     "VECTOR",
     "Kernel",
     "copy_rows_within",
@@ -46,23 +46,52 @@ __all__ = [
 ]
 
 VECTOR = ArrayOf(1)
-TABLE = ArrayOf(2)
 CUBE = ArrayOf(3)
 
 COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
 """True if this process compiles kernels. `tdint.kernels.building.process` starts such processes."""
 
-SPECIFIC = COMPILES or "TDINT_KERNELS_VARIANT" in os.environ
-"""True if the functions of kernels contain only the laws and features of `VARIANT`: in a process
-that compiles, and in a test that executes a variant in plain Python (TDINT_KERNELS=python)."""
-
-VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if SPECIFIC else EVERYTHING
-"""Variant that this process compiles. In other processes it contains all features, because the
-kernels are selected at run time."""
+FULL = os.environ.get("TDINT_KERNELS_FORM") != compilable.PLAIN
+"""False in the plain form of the kernels, which omits the code for optional features: modal
+damping, forces on floors, dashpots of a power law, braces of dampers, Rayleigh damping with the
+tangent stiffness, elements, attachments, links and fracture. `tdint.model.building.variant` selects
+the form. The compiler omits the code that this constant enables. The constant must be imported by
+name: as an attribute of a module, it would be evaluated too late. In a process that does not
+compile, TDINT_KERNELS_FORM is set by tests only."""
 
 
 class Kernel(Compilable):
-    """Function that is compiled for a single signature or loaded, when it is first requested."""
+    """Function that is compiled for a single signature or loaded, when it is first requested.
+
+    Attributes
+    ----------
+    function : callable
+        Python function.
+    signature : Signature
+        Types of the arguments and of the result.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        signature: Signature,
+        has_forms: bool,
+        vectorized: bool,
+    ) -> None:
+        """Store the function and its properties."""
+        super().__init__()
+        self.function = function
+        self.signature = signature
+        self.has_forms = has_forms
+        self.vectorized = vectorized
+        self.__doc__ = function.__doc__
+        # Variant of the last call, because most calls request the same variant again
+        self._last: Variant | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the kernel, as `package.module:function`."""
+        return f"{self.function.__module__}:{self.function.__qualname__}"
 
     @property
     def compiled(self) -> Callable[..., Any]:
@@ -70,32 +99,39 @@ class Kernel(Compilable):
         return self.variant(EVERYTHING)
 
     def variant(self, variant: Variant) -> Callable[..., Any]:
-        """Return the compiled kernel with the features of a variant.
+        """Return the compiled kernel for a building.
 
-        The kernel is loaded, and compiled if its object file does not exist. Features that the
-        kernel does not use are ignored, so that several variants can share a compiled kernel. The
-        last result is kept because most calls request the same variant.
+        The kernel and the laws of the building are loaded, and compiled if their object files do
+        not exist.
 
         Parameters
         ----------
         variant : Variant
-            Laws, damping, forces and dashpots that the run needs.
+            Form of the kernels and laws that the building needs.
         """
-        last_variant, function = self._last
-        if function is not None and variant is last_variant:
-            return function
-        required_variant = self.required_variant(variant)
-        if required_variant not in self._loaded:
+        if variant is not self._last:
             from tdint.kernels.building.load_or_compile import load_or_compile
 
-            load_or_compile([(self, required_variant)])
-        function = self._loaded[required_variant]
-        self._last = variant, function
+            load_or_compile([(self, variant)])
+            self._last = variant
+        function: Callable[..., Any] = self._loaded[self.form(variant)]
         return function
+
+    def load(self, form: str, code: bytes, description: dict[str, Any]) -> None:
+        """Load the compiled function."""
+        from tdint.kernels.building.loading import Loaded
+
+        self._loaded[form] = Loaded(code, description["symbol"], self.signature)
+        compilable.INSTALLED.add("compiled")
+
+    def interpret(self, form: str, wrap: Callable[[Callable[..., Any]], Any]) -> None:
+        """Install the Python function, as returned by `wrap`."""
+        self._loaded[form] = wrap(self.function)
+        compilable.INSTALLED.add("interpreted")
 
 
 def kernel(
-    signature: Signature, parts: tuple[str, ...] = PARTS, vectorized: bool = False
+    signature: Signature, has_forms: bool = True, vectorized: bool = False
 ) -> Callable[[Callable[..., Any]], Kernel]:
     """Return a decorator that converts a function to a `Kernel`.
 
@@ -108,8 +144,8 @@ def kernel(
     ----------
     signature : Signature
         Types of the arguments and of the result.
-    parts : tuple of str
-        Features of the variant that the compiled code depends on. Default: all features.
+    has_forms : bool
+        True if the code depends on the features of the building. Default: True.
     vectorized : bool
         True if the compiler may vectorize loops. Default: False.
 
@@ -118,7 +154,7 @@ def kernel(
     callable
         Decorator: function -> Kernel.
     """
-    return lambda function: Kernel(function, signature, parts, vectorized)
+    return lambda function: Kernel(function, signature, has_forms, vectorized)
 
 
 if COMPILES:

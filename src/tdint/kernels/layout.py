@@ -397,14 +397,16 @@ UNRESOLVED_MODES = 4  # 1 if the building has modes with periods that the step d
 PARABOLIC = 5  # 1 if the displacements follow parabolas within a step
 HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law, with or without a brace
 KEEPS_START = 7  # 1 if the law states at the start of a step are kept in block STEP_START
-HAS_BRACES = 8  # 1 if a story has a damper with a brace or tangent damping
+HAS_BRACES = 8  # 1 if a story has a damper with a brace
 HAS_TANGENT_DAMPING = 9  # 1 if a story has Rayleigh damping with the tangent stiffness
 # Rule of the mean over a step (`Family.mean_rule`): weight of two points, and their distance from
 # the middle as a fraction of the step
 MEAN_WEIGHT = 10
 MEAN_DISTANCE = 11
 CAN_FRACTURE = 12  # 1 if a law can fracture and block STEP_START is kept
-FLAGS_SIZE = 13
+# 1 if a story has a damper with a brace or tangent damping: the state has ADDED_STATE_ROWS
+HAS_DAMPER_STATE = 13
+FLAGS_SIZE = 14
 
 # Values of flags[BRANCHES]
 NO_BRANCHES = 0

@@ -37,24 +37,13 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import VARIANT, inline, outlined
-
-# Features of the compiled variant: modal damping, forces on floors, power-law dashpots, braces of
-# dampers, Rayleigh damping with the tangent stiffness, attachments and links. If a constant is
-# False, the compiler omits the code that it enables.
-MODAL = VARIANT.modal
-FORCES = VARIANT.forces
-POWER_DAMPERS = VARIANT.power_dampers
-BRACES = VARIANT.braces
-TANGENT_DAMPING = VARIANT.tangent_damping
-TREE = VARIANT.tree
-LINKS = VARIANT.links
+from tdint.kernels.compiling import FULL, inline, outlined
 
 
 @inline
 def is_tree(linear_terms):
-    """Return True if the building has attachments or links; the kernels of other buildings do not
-    contain this test, except kernels with all features."""
+    """Return True if the building has attachments or links; plain kernels do not contain this
+    test."""
     return linear_terms[rows.UPPER_FLOOR, linear_terms.shape[1] - 1] != 0.0
 
 
@@ -62,7 +51,7 @@ def is_tree(linear_terms):
 def base_of(linear_terms, i):
     """Return the column of the lower floor of spring `i`; of a spring on the ground, a valid
     column."""
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         return int(linear_terms[rows.BASE, i])
     return max(i - 1, 0)
 
@@ -80,7 +69,7 @@ def story_value(linear_terms, table, row, i):
 def below_next(linear_terms, i):
     """Return the column of the lower floor of the spring in the next column: `i` in a chain, also
     for the roof."""
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         return int(linear_terms[rows.BASE, i + 1])
     return i
 
@@ -91,7 +80,7 @@ def below(linear_terms, table, row, i, value):
 
     `value` is the entry of the previous column; the loop over a chain continues with this value.
     """
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         return table[row, int(linear_terms[rows.BASE, i])]
     return value
 
@@ -103,7 +92,7 @@ def above(linear_terms, table, row, i):
 
     The column of a link returns its own force, so that no force remains in its column.
     """
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         return _above(linear_terms, table, row, i, -1.0)
     return linear_terms[rows.LINK, i + 1] * table[row, i + 1]
 
@@ -111,7 +100,7 @@ def above(linear_terms, table, row, i):
 @inline
 def size_above(linear_terms, table, row, i):
     """Return the sum of the absolute values in a row over the other springs at floor `i`."""
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         return _above(linear_terms, table, row, i, 1.0)
     return linear_terms[rows.LINK, i + 1] * table[row, i + 1]
 
@@ -120,14 +109,14 @@ def size_above(linear_terms, table, row, i):
 def _above(linear_terms, table, row, i, tied_sign):
     """Return the sum of a row over the springs on floor `i`, and with the sign `tied_sign` over the
     links below it."""
-    if LINKS and upper_of(linear_terms, i) != i:
+    if FULL and upper_of(linear_terms, i) != i:
         return table[row, i]
     total = 0.0
     j = int(linear_terms[rows.FIRST_ON, i])
     while j > 0:
         total += table[row, j]
         j = int(linear_terms[rows.NEXT_ON, j])
-    if LINKS:
+    if FULL:
         j = int(linear_terms[rows.FIRST_TIED, i])
         while j > 0:
             total += tied_sign * table[row, j]
@@ -138,7 +127,7 @@ def _above(linear_terms, table, row, i, tied_sign):
 @inline
 def upper_of(linear_terms, i):
     """Return the column of the upper floor of spring `i`, which has the mass."""
-    if LINKS and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         return int(linear_terms[rows.UPPER_FLOOR, i])
     return i
 
@@ -147,7 +136,7 @@ def upper_of(linear_terms, i):
 def count_masses(linear_terms):
     """Return the number of columns with a mass; the columns of links follow."""
     count = linear_terms.shape[1] - 1
-    if LINKS and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         while linear_terms[rows.UPPER_FLOOR, count - 1] != count - 1:
             count -= 1
     return count
@@ -156,7 +145,7 @@ def count_masses(linear_terms):
 @inline
 def tie(linear_terms, table, row):
     """Give the column of each link the value of its upper floor in a row with a motion."""
-    if LINKS and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         _tie(linear_terms, table, row)
 
 
@@ -293,7 +282,7 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -linear_terms[rows.MASS, i] * ground
-    if FORCES and forces.shape[0] > 0:
+    if FULL and forces.shape[0] > 0:
         _add_forces(forces, t, scratch, row)
 
 
@@ -327,7 +316,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -0.5 * h * linear_terms[rows.MASS, i] * (ground_0 + ground_1)
-    if FORCES and forces.shape[0] > 0:
+    if FULL and forces.shape[0] > 0:
         _add_impulses(forces, t, h, scratch, row)
 
 
@@ -402,7 +391,7 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
     n : int
         Number of floors.
     """
-    if MODAL and modal.shape[0] > 0:
+    if FULL and modal.shape[0] > 0:
         _add_modal_force(modal, table, x, factor, scratch, row, n)
 
 
@@ -442,7 +431,7 @@ def power_damper(linear_terms, i, rate):
     float, float
         Force, N, and its derivative with respect to the drift rate, N s/m.
     """
-    if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+    if FULL and linear_terms[rows.POWER_DAMPER, i] != 0.0:
         return _power_damper(linear_terms, i, rate)
     return 0.0, 0.0
 
@@ -576,14 +565,14 @@ def damping_change(h, scene, law_state, story, part, deviations, i):
     """
     linear_terms = scene.linear_terms
     coefficient = linear_terms[rows.STORY_DAMPER, i]
-    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+    if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
         # A curved branch can have the slope inf.
         stiffness = min(law_state[rows.SLOPE, i], scene.law_parameters[rows.STIFFNESS, i])
         coefficient += linear_terms[rows.TANGENT_DAMPING, i] * stiffness
     change_0 = coefficient * deviations[0]
     change_1 = coefficient * deviations[1]
     bulge = 0.5 * h * coefficient * (story.a0 - story.a1)
-    if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+    if FULL and linear_terms[rows.POWER_DAMPER, i] != 0.0:
         rate = hermite_rate(h, story, part[0])
         change_0 += power_damper(linear_terms, i, rate + deviations[0])[0]
         change_0 -= power_damper(linear_terms, i, rate)[0]

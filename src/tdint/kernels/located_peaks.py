@@ -10,18 +10,8 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import F8, I8, TABLE, indirect_caller, inline, kernel, outlined
-from tdint.kernels.laws.selection import HAS_ELEMENTS, HAS_FRACTURE
-from tdint.kernels.linear_terms import (
-    BRACES,
-    TANGENT_DAMPING,
-    TREE,
-    above,
-    base_of,
-    force_value,
-    internal_forces,
-    is_tree,
-)
+from tdint.kernels.compiling import F8, FULL, I8, TABLE, indirect_caller, inline, kernel, outlined
+from tdint.kernels.linear_terms import above, base_of, force_value, internal_forces, is_tree
 from tdint.kernels.peaks_between_steps import (
     floor_ends,
     instant_before,
@@ -63,7 +53,7 @@ def raise_located_peaks(scene, span, passage, law_state, previous, located):
             if s > 0.0 and s != last:
                 _raise_peaks_at(scene, span, passage, law_state, previous, s, located)
                 last = s
-    if HAS_FRACTURE and scene.flags[rows.CAN_FRACTURE] != 0.0:
+    if FULL and scene.flags[rows.CAN_FRACTURE] != 0.0:
         for i in range(n):
             _raise_peaks_before_fracture(scene, span, passage, law_state, i, located)
 
@@ -92,7 +82,7 @@ def _raise_force_at_reversal(scene, law_state, i, previous, drift, located):
     restoring_force_outlined(law_parameters, law_state, i, previous, rows.FIRST_TRIAL, drift)
     force = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
     raise_peak(located.peaks, located.first_peak + rows.PEAK_SHEAR, i, force)
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         raise_element_peaks(law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
 
 
@@ -109,7 +99,7 @@ def _raise_peaks_at(scene, span, passage, law_state, previous, s, located):
     while i > 0:
         i -= 1
         force = table[first + rows.LOCATED_INTERNAL, i]
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             # The columns of links, which are the last, have no inertia.
             table[first + rows.LOCATED_SUM, i] = 0.0
             total_shear = above(linear_terms, table, first + rows.LOCATED_SUM, i) + force
@@ -131,7 +121,7 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
     table, first, _, _ = located
     linear_terms, modal, law_parameters, _, flags = scene
     n = linear_terms.shape[1] - 1
-    has_braces = flags[rows.HAS_BRACES] != 0.0
+    has_damper_state = flags[rows.HAS_DAMPER_STATE] != 0.0
     below, u_below, v_below = floor_ends(span.fast, passage, 0), 0.0, 0.0
     for i in range(n):
         floor = floor_ends(span.fast, passage, i)
@@ -139,7 +129,7 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
         table[first + rows.LOCATED_DISPLACEMENT, i] = u
         table[first + rows.LOCATED_VELOCITY, i] = v
         link = linear_terms[rows.LINK, i]
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             base = base_of(linear_terms, i)
             below = floor_ends(span.fast, passage, base)
             u_below = table[first + rows.LOCATED_DISPLACEMENT, base]
@@ -158,9 +148,9 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
                 story = story_ends(floor, below, link, end)
                 block = _move_to_reversal(span.h, law_parameters, law_state, i, previous, story, s)
             tangent = restoring_force(law_parameters, law_state, i, block, rows.SECOND_TRIAL, drift)
-        if (BRACES or TANGENT_DAMPING) and has_braces:
+        if FULL and has_damper_state:
             force = linear_terms[rows.TANGENT_DAMPING, i] * tangent * (v - link * v_below)
-            if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            if linear_terms[rows.BRACE, i] != 0.0:
                 story = story_ends(floor, below, link, end)
                 motion = (drift - story.u0, story.v0, v - link * v_below)
                 row = first + rows.LOCATED_BRACE
@@ -178,7 +168,7 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
         first + rows.LOCATED_INTERNAL,
         first + rows.LOCATED_SUM,
     )
-    if (BRACES or TANGENT_DAMPING) and has_braces:
+    if FULL and has_damper_state:
         for i in range(n):
             force = table[first + rows.LOCATED_DEVICE, i]
             force -= above(linear_terms, table, first + rows.LOCATED_DEVICE, i)

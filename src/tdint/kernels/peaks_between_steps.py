@@ -67,14 +67,9 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
+from tdint.kernels.compiling import FULL, inline, outlined
+from tdint.kernels.laws.selection import elements_of
 from tdint.kernels.linear_terms import (
-    BRACES,
-    FORCES,
-    LINKS,
-    POWER_DAMPERS,
-    TREE,
     base_of,
     below_next,
     force_value,
@@ -365,7 +360,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     while i > 0:
         i -= 1
         # The link of story 0 is 0, so floor 0 is passed without effect.
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             floor = floor_ends(span.fast, passage, i)
         floor_below = floor_ends(span.fast, passage, base_of(linear_terms, i))
         story = story_ends(floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
@@ -379,7 +374,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             # times `drift_excursion` limit the distances of drift and shear from these values.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
-            if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+            if FULL and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
                 shear_margin = _margin_of_elements(
                     scene.law_parameters, law_state, i, stiffness, shear_margin
                 )
@@ -387,7 +382,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
                 # A drift at most `margin` away from its value at the end causes no new peak.
                 margin = drift_margin
-                if not LINKS or stiffness > 0.0:  # a link can have no spring
+                if not FULL or stiffness > 0.0:  # a link can have no spring
                     margin = min(drift_margin, shear_margin / stiffness)
                 row = first_peak + rows.PEAK_DRIFT
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
@@ -410,7 +405,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
         # the mass of all floors above the story for the shear.
         if not span.cornered:
             near_rest = _NOT_NEAR_REST
-            if POWER_DAMPERS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
+            if FULL and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
                 near_rest = _dashpot_near_rest(span.h, linear_terms, i, story)
             row = first_peak + rows.PEAK_ACCELERATION
             if not span.kinked:
@@ -428,13 +423,13 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
                 located_count += _raise_absolute_peak(
                     span, by_h, quantity, dashpots, scene, targets, i
                 )
-            if TREE and is_tree(linear_terms):
+            if FULL and is_tree(linear_terms):
                 inertia, mass_sum = add_tree_inertia(
                     linear_terms, span, passage, i, floor, inertia, mass_sum
                 )
             else:
                 inertia, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
-            if FORCES and scene.forces.shape[0] > 0:
+            if FULL and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
                 floor_forces, next_row = add_floor_forces(
                     span, scene.forces, link, i, floor_forces, next_row
@@ -447,7 +442,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
                 located_count += _raise_absolute_peak(
                     span, by_h, quantity, dashpots, scene, targets, i
                 )
-                if BRACES and linear_terms[rows.BRACED_RELIEF, i] > 0.0:
+                if FULL and linear_terms[rows.BRACED_RELIEF, i] > 0.0:
                     located_count += _locate_relief(
                         span.h,
                         scene,
@@ -704,7 +699,7 @@ def _raise_absolute_peak(span, by_h, quantity, dashpots, scene, targets, i):
     locations.
     """
     peaks, peak_row, table, instants = targets
-    if POWER_DAMPERS and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
+    if FULL and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
         _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i)
         return 0
     ends, mass, forces = quantity

@@ -7,10 +7,8 @@ in a part is the interpolant of the step (`tdint.kernels.step_interpolant`) plus
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.linear_terms import (
-    POWER_DAMPERS,
-    TREE,
     base_of,
     below_next,
     damping_change,
@@ -75,7 +73,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
     floor = floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         base = base_of(linear_terms, i)
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             floor = floor_ends(span.fast, passage, i)
         floor_below = floor_ends(span.fast, passage, base)
         link, link_above = linear_terms[rows.LINK, i], linear_terms[rows.LINK, i + 1]
@@ -121,7 +119,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
             link_above * floors[2] + own[2],
             link_above * floors[3] + own[3],
         )
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             inertia, mass_sum = add_tree_inertia(
                 linear_terms, span, passage, i, floor, inertia, mass_sum
             )
@@ -130,9 +128,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
         floor_forces, next_row = add_floor_forces(
             span, forces, link_above, i, floor_forces, next_row
         )
-        is_at_rest = (
-            POWER_DAMPERS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1)
-        )
+        is_at_rest = FULL and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1)
         if not (span.cornered or is_at_rest):
             deviations = (
                 -floors[0] - changes[0],

@@ -22,7 +22,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
@@ -32,7 +32,7 @@ from tdint.kernels.equations.newton import (
     invalidate,
     solve_equilibrium_with_dampers,
 )
-from tdint.kernels.linear_terms import TANGENT_DAMPING, finite, floor_load
+from tdint.kernels.linear_terms import finite, floor_load
 from tdint.kernels.stepping import EffectiveCoefficients, step_kernel
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
@@ -135,7 +135,7 @@ def step(coefficients, scene, h, load, memory):
         ground = load[rows.GROUND_0] + fraction * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + fraction * h, ground, scratch, ROW.LOAD)
         damper_step = DamperStep(h, 1.0, 0.0, 1.0 / by_v)
-        if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+        if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
             _predict_tangent_damping(coefficients, substep, h, linear_terms, memory)
         code = solve_equilibrium_with_dampers(
             damper_step,
@@ -155,7 +155,7 @@ def step(coefficients, scene, h, load, memory):
         state[rows.VELOCITY, i] = scratch[ROW.V, i]
         state[rows.ACCELERATION, i] = scratch[ROW.A, i]
         accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
-        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             _commit_with_tangent_damping(coefficients, damper_step, i, scene, memory)
         else:
             commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import copy_rows_within, inline, outlined
+from tdint.kernels.compiling import FULL, copy_rows_within, inline, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -33,10 +33,7 @@ from tdint.kernels.equations.tridiagonal import (
     link_blocks,
     solve_blocks_damped,
 )
-from tdint.kernels.laws.selection import HAS_CURVED_LAW
 from tdint.kernels.linear_terms import (
-    BRACES,
-    TANGENT_DAMPING,
     above,
     add_modal_force,
     below,
@@ -155,14 +152,13 @@ def implicit_step(coefficients, scene, h, load, memory):
     tolerance = RESIDUAL_TOLERANCE
     # RUN_MAXIMA is zero, and the tolerance RESIDUAL_TOLERANCE, before the second step of a run is
     # complete, because the first step has no extrapolation, and in buildings without curved laws.
-    if HAS_CURVED_LAW:
-        tolerance = tolerance_of_run(scratch, _IMPLICIT.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
+    tolerance = tolerance_of_run(scratch, _IMPLICIT.RUN_MAXIMA, _TOLERANCE_PER_MISMATCH)
     iterations = 0
     applied_fraction = 1.0  # fraction of the last correction that is applied
     previous_norm = math.inf
     # The forces of dampers with stiff braces require the line search from the first correction.
     undamped_iterations = UNDAMPED_ITERATIONS
-    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+    if FULL and flags[rows.HAS_DAMPER_STATE] != 0.0:
         undamped_iterations = 0
     while True:
         is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
@@ -196,10 +192,10 @@ def implicit_step(coefficients, scene, h, load, memory):
             copy_rows_within(scratch, _IMPLICIT.RESIDUAL, _IMPLICIT.CORRECTION, 2)
         if flags[rows.LINEAR] != 0.0:
             break  # one solve is exact in a linear building
-    if HAS_CURVED_LAW and _is_curved(flags):
+    if _is_curved(flags):
         _store_internal_forces(linear_terms, h, scratch)
     has_tangent_damping = flags[rows.HAS_TANGENT_DAMPING] != 0.0
-    if TANGENT_DAMPING and has_tangent_damping:
+    if FULL and has_tangent_damping:
         _commit_tangent_damping(coefficients, scene, h, memory)
     _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters, h, memory)
     return max(iterations, 1) if finite(state, n) else rows.NOT_FINITE
@@ -222,9 +218,7 @@ def _predict_stages(coefficients, scene, h, load, memory):
     state, _, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     use_acceleration = 0.0 if flags[rows.LINEAR] != 0.0 else 1.0
-    has_last_step = (
-        HAS_CURVED_LAW and _is_curved(flags) and scratch[_IMPLICIT.INTERNAL_FORCE, n] == h
-    )
+    has_last_step = _is_curved(flags) and scratch[_IMPLICIT.INTERNAL_FORCE, n] == h
     for stage in range(2):
         c = coefficients[_C + stage]
         load_row = _IMPLICIT.STAGE_LOAD + stage
@@ -232,7 +226,7 @@ def _predict_stages(coefficients, scene, h, load, memory):
         floor_load(linear_terms, forces, load[rows.TIME] + c * h, ground, scratch, load_row)
         for i in range(n):
             scratch[_IMPLICIT.STAGE_A + stage, i] = use_acceleration * state[rows.ACCELERATION, i]
-        if HAS_CURVED_LAW and has_last_step:
+        if has_last_step:
             # The second stage of the last step is 1 - c_2 before the start of the present step;
             # `distance` is the distance from this stage, divided by the distance c_2 - c_1 of the
             # stages.
@@ -351,11 +345,11 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
             rounding = ROUNDING / RESIDUAL_TOLERANCE * stiffness
             scale = abs(story_force) + rounding * (abs(u) + abs(u - drift))
             scratch[_IMPLICIT.FORCE_SCALE + stage, i] = scale
-    if BRACES:
+    if FULL:
         for i in range(n):
             if linear_terms[rows.BRACE, i] != 0.0:
                 is_stale = _add_brace(linear_terms, law_parameters, i, h, memory) or is_stale
-    if TANGENT_DAMPING:
+    if FULL:
         for i in range(n):
             if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
                 _add_tangent_damping_at_stages(coefficients, linear_terms, i, h, memory)
@@ -606,9 +600,9 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
             # floor below. `factor_blocks` assumes the opposite sign of the blocks between both
             # floors.
             story = k_factor * stiffness + c_factor * damper
-            if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+            if FULL and linear_terms[rows.BRACE, i] != 0.0:
                 story += _brace_entry(coefficients, h, scratch, i, entry)
-            if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
                 story += _tangent_damping_entry(coefficients, linear_terms, h, scratch, i, entry)
             scratch[_IMPLICIT.COUPLING + entry, i] = story
             scratch[_IMPLICIT.BLOCKS + entry, i] = (
@@ -618,7 +612,7 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
             )
     copy_rows_within(scratch, _IMPLICIT.TANGENT, _IMPLICIT.FACTORED_TANGENT, 2)
     copy_rows_within(scratch, _IMPLICIT.DAMPER_TANGENT, _IMPLICIT.FACTORED_DAMPER_TANGENT, 2)
-    if BRACES:
+    if FULL:
         tangents = _IMPLICIT.BRACE + path.MEAN_BY_RISE
         copy_rows_within(scratch, tangents, _IMPLICIT.FACTORED_BRACE, 4)
     link_blocks(linear_terms, factors, n)
@@ -646,7 +640,7 @@ def _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters
         u1 = u0 + h * v0 + h * h * (coefficients[_B_A] * a1 + coefficients[_B_A + 1] * a2)
         state[rows.DISPLACEMENT, i] = u1
         state[rows.VELOCITY, i] = v0 + h * (coefficients[_B] * a1 + coefficients[_B + 1] * a2)
-        if TANGENT_DAMPING and has_tangent_damping:
+        if FULL and has_tangent_damping:
             state[rows.VELOCITY, i] += _excess_velocity(linear_terms, scratch, i)
         state[rows.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
         accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
@@ -656,7 +650,7 @@ def _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters
         restoring_force(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL, drift)
         commit(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL)
         u_below = u1
-        if BRACES:
+        if FULL:
             if linear_terms[rows.BRACE, i] != 0.0:
                 link = linear_terms[rows.LINK, i]
                 first_rate = v0 - link * v0_below

@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import copy_rows_within, inline, outlined
+from tdint.kernels.compiling import FULL, copy_rows_within, inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import (
     FACTORS,
@@ -40,19 +40,8 @@ from tdint.kernels.equations.impulse4 import (
 )
 from tdint.kernels.equations.iteration import add_rows, copy_rows
 from tdint.kernels.laws.branch_following import copy_extra_rows
-from tdint.kernels.laws.selection import (
-    HAS_CURVED_FORCE,
-    HAS_CURVED_LAW,
-    HAS_ELEMENTS,
-    HAS_FRACTURE,
-    HAS_NONLINEAR_FORCE,
-    elements_of,
-)
+from tdint.kernels.laws.selection import elements_of
 from tdint.kernels.linear_terms import (
-    BRACES,
-    FORCES,
-    TANGENT_DAMPING,
-    TREE,
     above,
     base_of,
     below,
@@ -125,8 +114,6 @@ def step(coefficients, scene, h, load, memory):
     """
     linear_terms, _, law_parameters, forces, flags = scene
     state, law_state, scratch, step_status = memory
-    if not HAS_NONLINEAR_FORCE:
-        return _take_substeps(coefficients, scene, h, load, memory)
     n = linear_terms.shape[1] - 1
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         code = _take_substeps(coefficients, scene, h, load, memory)
@@ -147,9 +134,9 @@ def step(coefficients, scene, h, load, memory):
     # accelerations at the start in `state`, so the call must precede `_update_state`. The other
     # effect, a decision about reversals in row KINK, is computed again before it is used.
     keep_negligible_kinks(scene, h, memory)
-    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+    if FULL and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(linear_terms, h, state, scratch)
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+    if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
         _commit_tangent_damping(linear_terms, state, scratch)
     _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
     # The division into substeps failed. Newton's method does not update the branches of the laws.
@@ -217,10 +204,10 @@ def _take_substeps(coefficients, scene, h, load, memory):
                 _restore_start(flags, state, law_state, scratch, n)
             return code
         solves += code
-        if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
+        if ends_at_event and event == rows.REVERSED:
             # The reversal is at the end, not within the substep.
             scratch[ROW.KINK, story] = 0.0
-        if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
+        if flags[rows.LINEAR] == 0.0:
             outcome = (
                 _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
                 if ends_at_event
@@ -247,7 +234,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         _restore_start(flags, state, law_state, scratch, n)
                         return rows.NOT_CONVERGED
                     if fraction * substep > _IMMEDIATE * h:
-                        if HAS_CURVED_FORCE and not is_piecewise_linear:
+                        if not is_piecewise_linear:
                             # The part of the present solution up to the branch change is the first
                             # estimate. The complete increments are kept for the rest of the step.
                             if not is_shortened:
@@ -267,7 +254,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                             )
                         branch_changes += 1
                         substep = h - elapsed
-                        if HAS_CURVED_FORCE and is_shortened:
+                        if is_shortened:
                             copy_rows_within(scratch, ROW.REMAINING, momentum.DU, 2)
                             is_shortened = False
                     continue
@@ -293,21 +280,21 @@ def _take_substeps(coefficients, scene, h, load, memory):
             span,
             memory,
         )
-        if HAS_CURVED_FORCE and is_shortened:
+        if is_shortened:
             # The remaining motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
             copy_rows_within(scratch, ROW.REMAINING, momentum.DU, 2)
             is_shortened = False
         elapsed += substep
-        if HAS_NONLINEAR_FORCE and ends_at_event:
+        if ends_at_event:
             if _change_branch(linear_terms, law_parameters, state, law_state, story, column, event):
                 _raise_peaks_after_jump(scene, span.t, span.ground_1, memory)
             branch_changes += 1
             ends_at_event = False
         substep = h - elapsed
-        if not HAS_NONLINEAR_FORCE or substep <= _IMMEDIATE * h:
+        if substep <= _IMMEDIATE * h:
             break
-    if HAS_NONLINEAR_FORCE and located_changes > 0:
+    if located_changes > 0:
         branch_changes += _change_exceeded_branches(scene, memory)
     step_status[rows.BRANCH_CHANGES] += branch_changes
     return solves if finite(state, n) else rows.NOT_FINITE
@@ -322,7 +309,7 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
     negligible effect are marked in row KINK, so that the substep is not divided at these reversals.
     """
     code = 1
-    if not HAS_CURVED_FORCE or scene.flags[rows.BRANCHES] == rows.ALL_BRANCHES:
+    if scene.flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         solve_linear(coefficients, scene, h, memory, factors)
     else:
         code = newton(True, has_guess, coefficients, scene, h, memory, factors)
@@ -345,22 +332,21 @@ def _accept_substep(is_divided, story, column, event, scene, span, memory):
     """
     linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
-    if HAS_NONLINEAR_FORCE and is_divided:
+    if is_divided:
         n = linear_terms.shape[1] - 1
         copy_rows(state, rows.DISPLACEMENT, scratch, ROW.SUBSTEP_START, 3, n)
-        if HAS_CURVED_LAW:
-            store_step_start(flags, law_state)
-        if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        store_step_start(flags, law_state)
+        if FULL and flags[rows.HAS_DAMPER_STATE] != 0.0:
             add_reported_accelerations(linear_terms, state, scratch, ROW.SUBSTEP_START + 2)
-    if not HAS_CURVED_FORCE or flags[rows.BRANCHES] == rows.ALL_BRANCHES:
+    if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch)
     else:
-        if BRACES and flags[rows.HAS_BRACES] != 0.0:
+        if FULL and flags[rows.HAS_BRACES] != 0.0:
             _commit_braces(linear_terms, span.h, state, scratch)
-        if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+        if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
             _commit_tangent_damping(linear_terms, state, scratch)
         _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
-    if HAS_NONLINEAR_FORCE and is_divided:
+    if is_divided:
         _store_end_forces(story, column, event, linear_terms, law_parameters, memory)
         _update_substep_peaks(scene, span, memory)
         step_status[rows.STEP_PEAKS] = ROW.PEAKS
@@ -403,7 +389,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     The result is True if the law has lost a part of its force.
     """
     force = law_state[rows.FORCE, story]
-    if HAS_ELEMENTS and law_parameters[rows.CODE, story] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, story] <= rows.ELEMENTS:
         _change_branches_of_elements(law_parameters, law_state, story, column, event)
     else:
         _leave_branch(law_parameters, law_state, story, event)
@@ -412,7 +398,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     has_lost_force = abs(jump) > _JUMP * abs(elastic)
     # The force of tangent damping changes with the stiffness, also at the end of a loop of a curved
     # law.
-    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, story] != 0.0:
+    if FULL and linear_terms[rows.TANGENT_DAMPING, story] != 0.0:
         rate = story_value(linear_terms, state, rows.VELOCITY, story)
         damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate
         if law_state[rows.SLOPE, story] < math.inf:
@@ -476,7 +462,7 @@ def _leave_branch(law_parameters, law_state, story, event):
             law_state[rows.UPPER, story] if event == rows.ABOVE else law_state[rows.LOWER, story],
         )
         switch(law_parameters, law_state, story, 0, event)
-        if not HAS_CURVED_LAW or law_state[rows.SLOPE, story] < math.inf:
+        if law_state[rows.SLOPE, story] < math.inf:
             advance_outlined(law_parameters, law_state, story, 0, drift)
         else:
             # Only a law of a plug-in has linear and curved branches.
@@ -536,7 +522,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
             abs(story_value(linear_terms, scratch, momentum.V1, i)),
         )
         tolerance = _LOCATION_TOLERANCE * max(path_length, abs(drift_change))
-        if HAS_FRACTURE and not law_state[rows.SLOPE, i] < math.inf:
+        if FULL and not law_state[rows.SLOPE, i] < math.inf:
             tolerance = _FRACTURE_LOCATION * abs(drift)
         # A story with a net movement against its branch has a reversal in the substep.
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
@@ -588,7 +574,7 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         u_below = below(linear_terms, state, rows.DISPLACEMENT, i, u_below)
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
-        elif HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
+        elif FULL and law_parameters[rows.CODE, i] < rows.ELEMENTS:
             drift = u - linear_terms[rows.LINK, i] * u_below
             _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift)
         else:
@@ -601,7 +587,7 @@ def _commit_path(keep_branches, law_parameters, law_state, scratch, story, colum
     """Commit the path of the law in `column`, a story or an element of `story`; see
     `_update_state`.
     """
-    if HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, story] != 0.0:
+    if keep_branches and scratch[ROW.KINK, story] != 0.0:
         # Accumulate the dissipated energy over the inner point and the reversal in chronological
         # order. Row PREVIOUS_BLOCK contains the block of the later state.
         second_block = int(scratch[ROW.PREVIOUS_BLOCK, story])
@@ -644,7 +630,7 @@ def _store_end_forces(story, column, event, linear_terms, law_parameters, memory
     for i in range(linear_terms.shape[1] - 1):
         drift = limited = law_state[rows.DRIFT, i]
         slope = law_state[rows.SLOPE, i]
-        if HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
+        if FULL and law_parameters[rows.CODE, i] < rows.ELEMENTS:
             slope = _slope_of_linear_elements(law_parameters, law_state, i)
         if slope < math.inf:
             limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
@@ -713,7 +699,7 @@ def _update_substep_peaks(scene, span, memory):
     """
     state, law_state, scratch, _ = memory
     # With stiff braces, the forces for the results give other accelerations than the state.
-    if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+    if FULL and scene.flags[rows.HAS_DAMPER_STATE] != 0.0:
         add_reported_accelerations(scene.linear_terms, state, scratch, momentum.A1)
         add_reported_accelerations(scene.linear_terms, state, scratch, ROW.END_ACCELERATION)
     if not span.fast:
@@ -732,10 +718,10 @@ def _update_substep_peaks(scene, span, memory):
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
-        if FORCES:
+        if FULL:
             acceleration = scratch[ROW.END_ACCELERATION, i] + span.ground_1
             keep_corner(scratch, ROW.PEAKS, i, acceleration, span.t)
-        if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        if FULL and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
             raise_element_peaks(
                 scene.law_parameters, law_state, i, rows.COMMITTED, scratch[ROW.END_EXCESS, i]
             )
@@ -751,16 +737,16 @@ def _raise_floor_peaks(scene, t, ground, row, scratch):
     while i > 0:
         i -= 1
         total_shear *= scene.linear_terms[rows.LINK, i + 1]
-        if TREE and is_tree(scene.linear_terms):
+        if FULL and is_tree(scene.linear_terms):
             # The column of a link has no inertia.
             scratch[momentum.FORCE_S, i] = 0.0
             total_shear = above(scene.linear_terms, scratch, momentum.FORCE_S, i)
         total_shear += scene.linear_terms[rows.MASS, i] * (scratch[row, i] + ground)
-        if FORCES:
+        if FULL:
             for j in range(scene.forces.shape[0]):
                 if scene.forces[j, rows.FLOOR] == i:
                     total_shear -= force_value(scene.forces, j, t)
-        if TREE and is_tree(scene.linear_terms):
+        if FULL and is_tree(scene.linear_terms):
             scratch[momentum.FORCE_S, i] = total_shear
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, scratch[row, i] + ground)
@@ -772,7 +758,7 @@ def _raise_peaks_after_jump(scene, t, ground, memory):
     state, _, scratch, step_status = memory
     row = ROW.SUBSTEP_START + 2
     copy_rows(state, rows.ACCELERATION, scratch, row, 1, scene.linear_terms.shape[1] - 1)
-    if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+    if FULL and scene.flags[rows.HAS_DAMPER_STATE] != 0.0:
         add_reported_accelerations(scene.linear_terms, state, scratch, row)
     _raise_floor_peaks(scene, t, ground, row, scratch)
     step_status[rows.STEP_PEAKS] = ROW.PEAKS
@@ -786,12 +772,12 @@ def _save_start(state, law_state, scratch, n):
     of the law states starts at row 0.
     """
     laws = ROW.SAVED + 3
-    columns = law_state.shape[1] if HAS_ELEMENTS else n
+    columns = law_state.shape[1] if FULL else n
     copy_rows(state, rows.DISPLACEMENT, scratch, ROW.SAVED, 3, n)
     copy_rows(law_state, rows.COMMITTED, scratch, laws, rows.LAW_STATE_ROWS, columns)
     copy_rows(law_state, rows.PEAK_FORCE, scratch, laws + rows.LAW_STATE_ROWS, 1, columns)
     # Only the state of a building with braces or tangent damping has more than three rows.
-    if (BRACES or TANGENT_DAMPING) and state.shape[0] > rows.FIRST_OLDER:
+    if FULL and state.shape[0] > rows.FIRST_OLDER:
         copy_rows(state, rows.FIRST_OLDER, scratch, ROW.SAVED_ADDED, rows.ADDED_STATE_ROWS, n)
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
@@ -811,17 +797,16 @@ def _restore_start(flags, state, law_state, scratch, n):
         for i in range(n):
             scratch[row, i] = 0.0
     laws = ROW.SAVED + 3
-    columns = law_state.shape[1] if HAS_ELEMENTS else n
+    columns = law_state.shape[1] if FULL else n
     copy_rows(scratch, ROW.SAVED, state, rows.DISPLACEMENT, 3, n)
     copy_rows(scratch, laws, law_state, rows.COMMITTED, rows.LAW_STATE_ROWS, columns)
     copy_rows(scratch, laws + rows.LAW_STATE_ROWS, law_state, rows.PEAK_FORCE, 1, columns)
-    if (BRACES or TANGENT_DAMPING) and state.shape[0] > rows.FIRST_OLDER:
+    if FULL and state.shape[0] > rows.FIRST_OLDER:
         copy_rows(scratch, ROW.SAVED_ADDED, state, rows.FIRST_OLDER, rows.ADDED_STATE_ROWS, n)
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(columns):
             copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)
-    if HAS_CURVED_LAW:
-        store_step_start(flags, law_state)
+    store_step_start(flags, law_state)
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:

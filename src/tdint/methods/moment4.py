@@ -56,7 +56,6 @@ from tdint.kernels.equations.moment4 import (
     solve_step,
     update_state,
 )
-from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import step_kernel
 from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
@@ -83,8 +82,7 @@ def step(coefficients, scene, h, load, memory):
     code = solve_step(coefficients, scene, h, memory)
     if code < 0:
         return code
-    if HAS_NONLINEAR_FORCE:
-        update_peaks_at_corners(coefficients, scene, h, load, memory)
+    update_peaks_at_corners(coefficients, scene, h, load, memory)
     update_state(coefficients, scene, h, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else rows.NOT_FINITE
 

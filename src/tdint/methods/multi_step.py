@@ -26,7 +26,7 @@ average acceleration as well.
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
@@ -36,7 +36,7 @@ from tdint.kernels.equations.newton import (
     invalidate,
     solve_equilibrium_with_dampers,
 )
-from tdint.kernels.linear_terms import TANGENT_DAMPING, finite, floor_load
+from tdint.kernels.linear_terms import finite, floor_load
 from tdint.kernels.stepping import EffectiveCoefficients, step_kernel
 from tdint.kernels.stories.law_state import commit, restoring_force_outlined
 from tdint.methods.method import Family, Method
@@ -90,7 +90,7 @@ def step(coefficients, scene, h, load, memory):
         by_a = weights[A_BY_W] + weights[A_BY_B] * weights[V_BY_W]
         by_force = weights[V_BY_W] / h
         _guess_multi_step(weights, h, state, scratch, n)
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+    if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
         _predict_tangent_damping(weights, by_force, linear_terms, memory)
     if step_status[rows.FACTORED_STEP] != by_v:
         # by_v identifies the matrix: its value changes with h, and between average acceleration and
@@ -118,7 +118,7 @@ def step(coefficients, scene, h, load, memory):
         state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
         state[rows.VELOCITY, i] = scratch[ROW.V, i]
         state[rows.ACCELERATION, i] = scratch[ROW.A, i]
-        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             _commit_with_tangent_damping(damper_step, i, scene, memory)
         else:
             commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)

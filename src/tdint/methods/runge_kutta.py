@@ -46,14 +46,8 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import outlined
-from tdint.kernels.linear_terms import (
-    TANGENT_DAMPING,
-    finite,
-    floor_load,
-    internal_forces,
-    story_value,
-)
+from tdint.kernels.compiling import FULL, outlined
+from tdint.kernels.linear_terms import finite, floor_load, internal_forces, story_value
 from tdint.kernels.stepping import step_kernel
 from tdint.kernels.stories.law_state import (
     commit,
@@ -97,7 +91,7 @@ def explicit_step(coefficients, scene, h, load, memory):
     for i in range(n):
         scratch[_EXPLICIT.V, i] = state[rows.VELOCITY, i]
         scratch[_EXPLICIT.A, i] = state[rows.ACCELERATION, i]
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+    if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
         _add_tangent_damping(1.0, linear_terms, state, scratch, _EXPLICIT.A)
     stages = int(coefficients[0])
     node_index = 1  # index of the node c of the current stage in `coefficients`
@@ -115,7 +109,7 @@ def explicit_step(coefficients, scene, h, load, memory):
             drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
             restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
             u_below = scratch[_EXPLICIT.U, i]
-        if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+        if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
             _subtract_damping_impulse(linear_terms, law_state, scratch, _EXPLICIT.V + stage)
         c = coefficients[node_index]
         ground = load[rows.GROUND_0] + c * (load[rows.GROUND_1] - load[rows.GROUND_0])
@@ -130,7 +124,7 @@ def explicit_step(coefficients, scene, h, load, memory):
             unbalanced = scratch[_EXPLICIT.LOAD, i] - scratch[acceleration, i]
             scratch[acceleration, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
         node_index += stage + 1
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+    if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
         _store_explicit_damping(linear_terms, law_parameters, h, memory, stages)
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[_EXPLICIT.U, i]

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
@@ -36,7 +36,7 @@ from tdint.kernels.equations.newton import (
     invalidate,
     solve_equilibrium_with_dampers,
 )
-from tdint.kernels.linear_terms import BRACES, TANGENT_DAMPING, below, finite, floor_load
+from tdint.kernels.linear_terms import below, finite, floor_load
 from tdint.kernels.stepping import EffectiveCoefficients, step_kernel
 from tdint.kernels.stories.brace import commit_brace, follow_brace_at_midpoint
 from tdint.kernels.stories.law_state import commit, restoring_force
@@ -75,14 +75,14 @@ def step(coefficients, scene, h, load, memory):
     # Row X receives da.
     damping_weight = coefficients[L6W1] / coefficients[L5]
     damper_step = DamperStep(h, coefficients[W1], coefficients[L3] * h * h, damping_weight / h)
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+    if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
         _predict_tangent_damping(damping_weight, linear_terms, h, memory)
     code = solve_equilibrium_with_dampers(
         damper_step, effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory
     )
     if code < 0:
         return code
-    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+    if FULL and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(coefficients, linear_terms, h, state, scratch)
     # The laws follow the path again, because they were evaluated at the weighted point.
     u_below = 0.0
@@ -106,7 +106,7 @@ def step(coefficients, scene, h, load, memory):
             * below(linear_terms, state, rows.DISPLACEMENT, i, u_below),
         )
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
-        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             drift_change = law_state[rows.DRIFT, i] - drift_0
             work = (law_state[rows.FORCE, i] - force_0) * drift_change / h
             commit_tangent_damping(
@@ -137,7 +137,7 @@ def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, 
         )
         scratch[ROW.V, i] = v + w1 * h * a
         scratch[ROW.A, i] = a
-        if BRACES or TANGENT_DAMPING:
+        if FULL:
             scratch[ROW.RISE, i] = h * v + 0.5 * h * h * a
 
 

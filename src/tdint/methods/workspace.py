@@ -114,12 +114,13 @@ def workspace(
     # dashpots, braces of dampers or tangent damping. ALL_BRANCHES: a single linear solution is
     # sufficient for a step without branch changes.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
-    is_smooth = building.power_damped or building.braced or building.tangent_damped
+    is_smooth = building.power_damped or building.has_damper_state
     if building.piecewise_linear and not is_smooth:
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
     flags[rows.POWER_DAMPERS] = is_smooth
-    flags[rows.HAS_BRACES] = building.braced or building.tangent_damped
+    flags[rows.HAS_BRACES] = building.braced
     flags[rows.HAS_TANGENT_DAMPING] = building.tangent_damped
+    flags[rows.HAS_DAMPER_STATE] = building.has_damper_state
     flags[rows.OWN_WORK] = family.own_work
     flags[rows.PARABOLIC] = family.parabolic
     flags[rows.MEAN_WEIGHT], flags[rows.MEAN_DISTANCE] = family.mean_rule
@@ -141,7 +142,7 @@ def workspace(
                 "write the history to a file, which needs less memory"
             )
     columns = building.law_parameters.shape[1]
-    added_rows = rows.ADDED_STATE_ROWS if building.braced or building.tangent_damped else 0
+    added_rows = rows.ADDED_STATE_ROWS if building.has_damper_state else 0
     totals = np.zeros(rows.TOTALS_SIZE)
     totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
     return Workspace(

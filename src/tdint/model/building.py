@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
 from tdint.kernels import layout as rows
-from tdint.kernels.building.compilable import FRACTURES, Variant
+from tdint.kernels.building.compilable import FULL, PLAIN, Variant
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
-from tdint.kernels.laws import LINEAR, OURS
+from tdint.kernels.laws import LINEAR
+from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.laws.fracture import FRACTURING
 from tdint.model.damping import (
     add_damping,
@@ -229,6 +230,11 @@ class Building:
     def tangent_damped(self) -> bool:
         """True if any story has Rayleigh damping with the tangent stiffness."""
         return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, :-1] != 0.0))
+
+    @property
+    def has_damper_state(self) -> bool:
+        """True if a damper has variables of its own: with a brace or tangent damping."""
+        return self.braced or self.tangent_damped
 
     @property
     def story_dampers(self) -> Array:
@@ -878,32 +884,28 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
-    """Return the kernel variant for a building: the laws and features that its kernels contain.
+    """Return the form of the kernels for a building, and its laws.
 
     Parameters
     ----------
     forces : ndarray, optional
         Table of `force_table`. Default: no forces.
     """
-    codes = {LINEAR, *building.law_codes}  # every kernel contains the linear law
-    # Codes from `OURS` on are laws of plug-ins. The code distinguishes a law from laws of other
-    # plug-ins with the same name.
-    numbered = {code: name if code < OURS else f"{name}@{code}" for name, code in CODES.items()}
-    names = [name for code, name in numbered.items() if code in codes]
-    names += [name + FRACTURES for code, name in numbered.items() if code + FRACTURING in codes]
-    result = Variant(
-        laws=tuple(names),
-        modal=len(building.modal) > 0,
-        forces=forces is not None and len(forces) > 0,
-        power_dampers=building.power_damped,
-        elements=building.elements > 0,
-        braces=building.braced,
-        tangent_damping=building.tangent_damped,
-        tree=building.branched,
-        links=bool(building.links),
+    has_optional_features = (
+        len(building.modal) > 0
+        or (forces is not None and len(forces) > 0)
+        or building.power_damped
+        or building.has_damper_state
+        or building.elements > 0
+        or building.branched
+        or building.can_fracture
     )
-    # Return the same instance for equal variants. A lookup in a dictionary compares the identity
-    # first, so that lookups of variants are fast.
+    # The last column of the table of the laws counts as a linear law.
+    result = Variant(
+        FULL if has_optional_features else PLAIN,
+        compiled_laws(sorted({float(LINEAR), *building.law_codes})),
+    )
+    # Return the same instance for equal variants, so that kernels recognize the last variant.
     return _VARIANTS.setdefault(result, result)
 
 

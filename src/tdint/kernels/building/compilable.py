@@ -1,9 +1,8 @@
-"""Objects of compilation: a function with its signature, and the variant with the features that the
-compiled code supports."""
+"""Objects of compilation: kernels and laws with their signatures, and the variant that a building
+needs."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -38,98 +37,57 @@ Argument = Scalar | ArrayOf | Signature
 F8 = Scalar("float64")
 I8 = Scalar("int64")
 
-WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
-"""True if one variant with all features is used for all buildings. This reduces compile times if
-many different buildings are integrated."""
+NOTHING = Scalar("none")
 
+TABLE = ArrayOf(2)
 
-FRACTURES = "~"
-"""End of the name of a law in a variant, if the law can fracture."""
+_ON_PATH = (TABLE, TABLE, I8, I8, I8)
+HOOKS = {
+    "force": F8(*_ON_PATH, F8),
+    "strain_energy": F8(TABLE, TABLE, I8),
+    "hysteretic_energy": F8(TABLE, TABLE, I8),
+    "accumulate_dissipation": NOTHING(*_ON_PATH),
+    "keep": NOTHING(*_ON_PATH),
+    "commit": NOTHING(*_ON_PATH),
+    "enter": NOTHING(TABLE, TABLE, I8),
+    "advance": NOTHING(TABLE, TABLE, I8, I8, F8, F8),
+    "switch": NOTHING(TABLE, TABLE, I8, I8, F8),
+    "points": F8(TABLE, TABLE, I8, F8),
+    "kink": F8(TABLE, TABLE, I8, I8, F8),
+}
+"""Signatures of the functions of a law that kernels call (`tdint.kernels.laws.hooks`), in the order
+of the table of laws: each row of the table contains the addresses of the functions of a law, and
+then its properties."""
+
+LAWS_SYMBOL = "tdint.laws"
+"""Symbol of the table of laws in the object files of kernels. Row 2 c belongs to the law with the
+number c, so that a law that can fracture, with the number c + 1/2, has a row."""
+
+LAW_PREFIX = "law."
+"""Start of the name of a law in its module, which distinguishes it from a kernel."""
+
+PLAIN = "plain"
+FULL = "full"
+ANY = "any"
 
 
 class Variant(NamedTuple):
-    """Features that the compiled code of a kernel supports.
+    """Form of the kernels and laws that a building needs.
 
     Attributes
     ----------
-    laws : tuple of str
-        Names of the drift laws of the stories, in the order of `tdint.kernels.laws.LAWS`. Empty for
-        all laws of tdint that cannot fracture. The name of a law of a plug-in includes its number:
-        `name@9`. A law that can fracture has a separate name, `name~` or `name@9~`.
-    power_dampers : bool
-        Dashpots of a power law.
-    elements : bool
-        Stories with several elements (springs in parallel).
-    braces : bool
-        Dampers in series with a brace.
-    tangent_damping : bool
-        Rayleigh damping with the tangent stiffness.
-    tree : bool
-        Attachments or links, so that a spring can be on any floor.
-    links : bool
-        Links between any two floors.
+    form : str
+        PLAIN for the kernels without optional features, FULL for the kernels with all features.
+    laws : tuple of Compilable
+        Laws (`tdint.kernels.laws.compiled`).
     """
 
-    laws: tuple[str, ...] = ()
-    modal: bool = True
-    forces: bool = True
-    power_dampers: bool = True
-    elements: bool = True
-    braces: bool = True
-    tangent_damping: bool = True
-    tree: bool = True
-    links: bool = True
-
-    @property
-    def text(self) -> str:
-        """Text that identifies the variant in a file name, for example `linear,bilinear+modal`.
-
-        The names of the laws (`all` without names) are followed by the features. `parse` reads
-        this text.
-        """
-        features = "".join(f"+{name}" for name in FEATURES if getattr(self, name))
-        return (",".join(self.laws) or "all") + features
-
-    @property
-    def outside(self) -> dict[str, int]:
-        """Numbers of the laws of plug-ins in this variant, by name.
-
-        The law `name@9` of the variant has the number 9.
-        """
-        split_names = (law.removesuffix(FRACTURES).partition("@") for law in self.laws)
-        return {name: int(code) for name, separator, code in split_names if separator}
-
-    def only(self, parts: tuple[str, ...]) -> Variant:
-        """Return this variant with all features switched on, except the attributes in `parts`.
-
-        The result is the variant of a kernel that depends only on these attributes. The other
-        attributes get the values of EVERYTHING, so that one compiled kernel serves more buildings.
-        """
-        unused = {name: getattr(EVERYTHING, name) for name in PARTS if name not in parts}
-        return self._replace(**unused)
+    form: str = FULL
+    laws: tuple[Compilable, ...] = ()
 
 
 EVERYTHING = Variant()
-PARTS = Variant._fields
-"""Attributes of a variant: the laws and the features."""
-
-FEATURES = PARTS[1:]
-"""Names of the features that a variant has or has not: all attributes except the laws."""
-
-
-def parse(text: str) -> Variant:
-    """Return the variant of a text written by `Variant.text`.
-
-    Raises
-    ------
-    ValueError
-        The text contains an unknown feature.
-    """
-    laws, *features = text.split("+")
-    if unknown := set(features) - set(FEATURES):
-        raise ValueError(f"variant {text!r}: unknown features {', '.join(sorted(unknown))}")
-    law_names = () if laws == "all" else tuple(laws.split(","))
-    return Variant(law_names, **{name: name in features for name in FEATURES})
+"""Variant of kernels that are not for a single building, without laws."""
 
 
 def bind(function: Callable[..., Any], *last: Any) -> Callable[..., Any]:
@@ -144,7 +102,7 @@ def bind(function: Callable[..., Any], *last: Any) -> Callable[..., Any]:
     return lambda *first: function(*first, *last)
 
 
-_INSTALLED: set[str] = set()
+INSTALLED: set[str] = set()
 """Types of functions that this process has installed: "compiled", "interpreted" or both."""
 
 
@@ -152,76 +110,55 @@ def time_loops() -> str | None:
     """Return "interpreted" if this process executes a time loop as a Python function, otherwise
     "compiled"; None if it has installed no time loop."""
     # The set contains at most "compiled" and "interpreted".
-    return "interpreted" if "interpreted" in _INSTALLED else next(iter(_INSTALLED), None)
+    return "interpreted" if "interpreted" in INSTALLED else next(iter(INSTALLED), None)
 
 
 class Compilable:
-    """Function with its signature and its compiled or loaded variants.
+    """Code that is compiled to an object file in one or two forms: a kernel or a law.
 
-    Parameters
+    Attributes
     ----------
-    parts : tuple of str
-        Attributes of `Variant` that the kernel depends on.
+    has_forms : bool
+        True if the code differs between the forms PLAIN and FULL.
+    vectorized : bool
+        True if the compiler may vectorize loops.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        signature: Signature,
-        parts: tuple[str, ...],
-        vectorized: bool = False,
-    ) -> None:
-        """Store the function and its properties; no variant is compiled or loaded yet."""
-        self.function = function
-        self.signature = signature
-        self.parts = parts
-        self.vectorized = vectorized
-        self.__doc__ = function.__doc__
-        # By the variant that the kernel requires (`required_variant`)
-        self._loaded: dict[Variant, Callable[..., Any]] = {}
-        # Results of `Variant.only` for the parts of the kernel, which each run requires
-        self._required: dict[Variant, Variant] = {}
-        # Variant and function of the last call, because most calls request the same variant again.
-        # If the function is None, the variant is not used.
-        self._last: tuple[Variant, Callable[..., Any] | None] = (EVERYTHING, None)
+    has_forms: bool = False
+    vectorized: bool = False
+
+    def __init__(self) -> None:
+        """Nothing is compiled or loaded yet."""
+        self._loaded: dict[str, Any] = {}  # by form
 
     @property
     def name(self) -> str:
-        """Name of the kernel, as `package.module:function`."""
-        return f"{self.function.__module__}:{self.function.__qualname__}"
+        """Name in the process that compiles, as `package.module:function`; unique."""
+        raise NotImplementedError
 
-    def required_variant(self, variant: Variant) -> Variant:
-        """Return the variant that this kernel requires for a building with the features of
-        `variant` (`Variant.only`).
+    @property
+    def module(self) -> str:
+        """Name of the module in which the code is defined."""
+        return self.name.partition(":")[0]
 
-        TDINT_KERNELS=whole replaces it by EVERYTHING, except for a kernel that contains laws of
-        plug-ins or laws that can fracture, which EVERYTHING does not contain.
+    def form(self, variant: Variant) -> str:
+        """Return the form of the object file for a variant; ANY if there is only one form."""
+        return variant.form if self.has_forms else ANY
+
+    def loaded(self, form: str) -> bool:
+        """Return True if this process has loaded or installed the code."""
+        return form in self._loaded
+
+    def load(self, form: str, code: bytes, description: dict[str, Any]) -> None:
+        """Load an object file with its description (`tdint.kernels.building.loading`).
+
+        Raises
+        ------
+        RuntimeError, ValueError
+            The object cannot be loaded, or does not contain all functions.
         """
-        required = self._required.get(variant)
-        if required is None:
-            required = self._required[variant] = variant.only(self.parts)
-        # WHOLE is not part of the stored result, because tests change it.
-        is_included = not required.outside and FRACTURES not in "".join(required.laws)
-        return EVERYTHING if WHOLE and is_included else required
+        raise NotImplementedError
 
-    def loaded(self, variant: Variant) -> bool:
-        """Return True if this process has loaded or installed the kernel for a variant."""
-        # Most calls request the variant of the last call; this test avoids the hash of a variant.
-        last_variant, function = self._last
-        if function is not None and variant is last_variant:
-            return True
-        return self.required_variant(variant) in self._loaded
-
-    def install(
-        self, variant: Variant, function: Callable[..., Any], *, interpreted: bool = False
-    ) -> None:
-        """Store a compiled or Python function, which later calls of the kernel use if they require
-        exactly `variant` (a result of `required_variant`).
-
-        The variant is not replaced here: a function without some features must never become the
-        function for all buildings.
-        """
-        _INSTALLED.add("interpreted" if interpreted else "compiled")
-        self._loaded[variant] = function
-        # The function of the last call may have been replaced.
-        self._last = EVERYTHING, None
+    def interpret(self, form: str, wrap: Callable[[Callable[..., Any]], Any]) -> None:
+        """Install the Python function, as returned by `wrap`, instead of compiled code."""
+        raise NotImplementedError

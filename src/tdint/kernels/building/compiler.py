@@ -17,7 +17,15 @@ from numba.core import cgutils, types
 from numba.core.types.misc import unliteral
 from numba.extending import intrinsic
 
-from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
+from tdint.kernels.building.compilable import (
+    F8,
+    HOOKS,
+    LAWS_SYMBOL,
+    Argument,
+    ArrayOf,
+    Scalar,
+    Signature,
+)
 from tdint.kernels.building.target import Target, native
 
 # Reference counting is disabled: the arrays outlive the call, and kernels allocate no arrays. With
@@ -76,6 +84,9 @@ the file that raises them."""
 
 _EXCEPTION = re.compile(r"@\.const\.picklebuf\.\w+")
 """Exception that the calling convention passes to the caller in addition to the error code."""
+
+_COMDAT = re.compile(r" comdat(\([^)]*\))?(?= )")
+"""Mark of a function of which the linker keeps one definition, in the text of a module."""
 
 _DEFINED = re.compile(r'^(?:define [^@]*)?@"?((?<=")[^"]+|[\w.$-]+)"?(?= =|\()', re.MULTILINE)
 _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
@@ -221,6 +232,179 @@ def copy_rows_within(typing_context, table, source, target, count):
     return types.none(table, types.intp, types.intp, types.intp), generate
 
 
+# ---- Functions of the laws in separate object files. They have the convention of C: addresses of
+# the tables `law_parameters` and `law_state`, their number of columns, the other arguments, the
+# numbers of rows of both; the result is returned directly. (In the convention of numba, a call
+# would pass 25 numbers on the stack.)
+
+_NUMBER, _REAL = ir.IntType(64), ir.DoubleType()
+
+
+class LawTable:
+    """Access of compiled code to the table of laws.
+
+    Parameters
+    ----------
+    code_row : int
+        Row of the table `law_parameters` with the numbers of the laws.
+    """
+
+    def __init__(self, code_row: int) -> None:
+        """Store the row."""
+        self.code_row = code_row
+
+    def caller(self, hook: str) -> Any:
+        """Return a compiled function that calls a function of the law of a story with a tuple of
+        its arguments."""
+        signature, slot = HOOKS[hook], list(HOOKS).index(hook)
+        returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
+
+        @intrinsic
+        def call(typing_context, passed):
+            """Return the signature of a call and the function that generates its code."""
+
+            def generate(context, builder, call_signature, values):
+                """Generate the code of the call."""
+                given = call_signature.args[0]
+                converted = [
+                    context.cast(builder, value, value_type, argument)
+                    for value, value_type, argument in zip(
+                        cgutils.unpack_tuple(builder, values[0], len(arguments)),
+                        given,
+                        arguments,
+                        strict=True,
+                    )
+                ]
+                parameters, state = (
+                    context.make_array(table)(context, builder, value)
+                    for table, value in zip(arguments, converted[:2], strict=False)
+                )
+                row_counts = [
+                    builder.extract_value(table.shape, 0) for table in (parameters, state)
+                ]
+                columns = builder.extract_value(parameters.shape, 1)
+                address = self._entry(builder, parameters, converted[2], slot)
+                function = builder.inttoptr(address, _c_type(signature).as_pointer())
+                result = builder.call(
+                    function, [parameters.data, state.data, columns, *converted[2:], *row_counts]
+                )
+                return context.get_dummy_value() if returns == types.none else result
+
+            return returns(passed), generate
+
+        return call
+
+    def properties(self) -> Any:
+        """Return a compiled function (law_parameters, i) -> properties of the law of a story."""
+
+        @intrinsic
+        def read(typing_context, law_parameters, i):
+            """Return the signature and the function that generates the code."""
+
+            def generate(context, builder, signature, values):
+                """Generate the code that reads the properties."""
+                parameters = context.make_array(signature.args[0])(context, builder, values[0])
+                return self._entry(builder, parameters, values[1], len(HOOKS))
+
+            return types.int64(law_parameters, types.intp), generate
+
+        return read
+
+    def _entry(self, builder: Any, parameters: Any, i: Any, slot: int) -> Any:
+        """Generate the code that reads an entry of the table for the law of story `i`."""
+        module = builder.module
+        table = module.globals.get(LAWS_SYMBOL)
+        if table is None:  # declared; the process that loads the object file defines it
+            table = ir.GlobalVariable(module, ir.ArrayType(_NUMBER, 0), LAWS_SYMBOL)
+        columns = builder.extract_value(parameters.shape, 1)
+        index = builder.add(builder.mul(columns, _NUMBER(self.code_row)), i)
+        twice = builder.fmul(builder.load(builder.gep(parameters.data, [index])), _REAL(2.0))
+        row = builder.mul(builder.fptosi(twice, _NUMBER), _NUMBER(len(HOOKS) + 1))
+        return builder.load(builder.gep(table, [_NUMBER(0), builder.add(row, _NUMBER(slot))]))
+
+
+def _c_type(signature: Signature) -> Any:
+    """Return the LLVM type of a function of a law in the convention of C."""
+    others = [_REAL if argument == F8 else _NUMBER for argument in signature.arguments[2:]]
+    address = _REAL.as_pointer()
+    # The numbers of rows are last: the first six integers are passed in registers.
+    return ir.FunctionType(
+        _REAL if signature.returns == F8 else ir.VoidType(),
+        [address, address, _NUMBER, *others, _NUMBER, _NUMBER],
+    )
+
+
+def objects_of_law(functions: dict[str, Any], targets: Iterable[Target]) -> list[bytes]:
+    """Compile the functions of a law (by the names in HOOKS) to an object file for each target.
+
+    The object file exports the functions of HOOKS, with these names after "law.".
+
+    Raises
+    ------
+    ValueError
+        As for `objects_of`.
+    """
+    _require_optimization()
+    context = numba.core.registry.cpu_target.target_context
+    codegen = context.codegen()
+    library = codegen.create_library("law")
+    module = library.create_ir_module("law.entries")
+    inlined = []
+    for name, signature in HOOKS.items():
+        function = functions[name]
+        compiled = numba.njit(**_OPTIONS)(getattr(function, "py_func", function))
+        compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
+        ((_, overload),) = compiled.overloads.items()
+        library.add_linking_library(overload.library)
+        inlined.append(overload.fndesc.llvm_func_name)
+        _add_entry(context, module, f"law.{name}", signature, overload.fndesc.llvm_func_name)
+    library.add_ir_module(module)
+    entries = {f"law.{name}" for name in HOOKS}
+    with numba.core.compiler_lock.global_compiler_lock:
+        library.finalize()
+        # The functions of numba are copied into the entries, which pass addresses only. All other
+        # functions are internal: equal names in the object files of two laws must not be confused.
+        whole = llvm.parse_assembly(_COMDAT.sub("", library.get_llvm_str()))
+        for function in whole.functions:
+            if function.name in inlined:
+                function.add_function_attribute("alwaysinline")
+            if not function.is_declaration and function.name not in entries:
+                function.linkage = llvm.Linkage.internal
+        library = codegen.create_library("law.inlined")
+        library.add_llvm_module(whole)
+        library.finalize()
+    text, _ = _independent(library.get_llvm_str(), "law", entries)
+    return [_emitted(text, target) for target in targets]
+
+
+def _add_entry(
+    context: Any, module: Any, name: str, signature: Signature, function_name: str
+) -> None:
+    """Add a function with the convention of C to a module, which calls a function of numba with
+    tables that it builds from their addresses."""
+    entry = ir.Function(module, _c_type(signature), name)
+    entry.attributes.add("nounwind")
+    builder = ir.IRBuilder(entry.append_basic_block("entry"))
+    parameters, state, columns, *others, parameter_rows, state_rows = entry.args
+    for value in (columns, *others, parameter_rows, state_rows):
+        if value.type == _NUMBER:  # otherwise numba would wrap negative indices
+            builder.assume(builder.icmp_signed(">=", value, _NUMBER(0)))
+    tables = [
+        _table(context, builder, data, [count, columns])
+        for data, count in ((parameters, parameter_rows), (state, state_rows))
+    ]
+    returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
+    convention = context.call_conv
+    function_type = convention.get_function_type(returns, arguments)
+    target = cgutils.get_or_insert_function(module, function_type, function_name)
+    # The status, the first result, is ignored, because a law raises no exception.
+    _, result = convention.call_function(builder, target, returns, arguments, [*tables, *others])
+    if signature.returns == F8:
+        builder.ret(result)
+    else:
+        builder.ret_void()
+
+
 def _on_stack(dimensions: int) -> Any:
     """Return the numba type of an array of float64 in C order with a number of dimensions."""
     return types.Array(types.float64, dimensions, "C")
@@ -233,16 +417,24 @@ def _array(context: Any, builder: Any, sizes: Any) -> Any:
     code reserves memory, which is released when the function returns. Kernels therefore do not
     create such arrays in loops.
     """
-    # Strides in bytes; `count` is the number of elements.
-    strides: list[Any] = []
     count = context.get_constant(types.intp, 1)
-    for size in reversed(sizes):
-        strides.insert(0, builder.mul(count, context.get_constant(types.intp, 8)))
+    for size in sizes:
         count = builder.mul(count, size)
+    return _table(context, builder, builder.alloca(_REAL, count), sizes)
+
+
+def _table(context: Any, builder: Any, data: Any, sizes: Any) -> Any:
+    """Generate the code for an array in C order of the numbers at an address; return the array."""
+    # Strides in bytes
+    strides: list[Any] = []
+    stride = context.get_constant(types.intp, 8)
+    for size in reversed(sizes):
+        strides.insert(0, stride)
+        stride = builder.mul(stride, size)
     array = context.make_array(_on_stack(len(sizes)))(context, builder)
     context.populate_array(
         array,
-        data=builder.alloca(ir.DoubleType(), count),
+        data=data,
         shape=cgutils.pack_array(builder, sizes),
         strides=cgutils.pack_array(builder, strides),
         itemsize=context.get_constant(types.intp, 8),
@@ -269,15 +461,33 @@ def objects_of(
         (`_MATH`), because it allocates memory or raises an exception. Or NUMBA_OPT is 0: without
         optimization, such calls remain in the code of every kernel.
     """
-    if not numba.core.config.OPT:
-        raise ValueError(
-            "NUMBA_OPT=0 leaves calls in the code that optimizing removes: unset NUMBA_OPT"
-        )
+    _require_optimization()
     compiled = numba.njit(**_OPTIONS)(function)
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
     # The function has been compiled for exactly one tuple of argument types.
     (arguments,) = compiled.overloads
-    text = compiled.inspect_llvm(arguments)
+    symbol = compiled.overloads[arguments].fndesc.llvm_func_name
+    text, names = _independent(compiled.inspect_llvm(arguments), function.__name__)
+    return [_emitted(text, target) for target in targets], names[symbol]
+
+
+def _require_optimization() -> None:
+    """Raise ValueError if the code is not optimized."""
+    if not numba.core.config.OPT:
+        raise ValueError(
+            "NUMBA_OPT=0 leaves calls in the code that optimizing removes: unset NUMBA_OPT"
+        )
+
+
+def _independent(text: str, prefix: str, kept: Iterable[str] = ()) -> tuple[str, dict[str, str]]:
+    """Return a module as text that depends on nothing in this process, and the new names of its
+    symbols, `prefix` with a number. The names `kept` are not changed.
+
+    Raises
+    ------
+    ValueError
+        The module calls a function that it does not contain.
+    """
     # A call of a function that is not part of LLVM or of the C library could not be resolved
     # when the object file is loaded.
     declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
@@ -289,18 +499,20 @@ def objects_of(
         name for name in foreign if len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1
     ):
         raise ValueError(
-            f"{function.__name__} calls {', '.join(undefined)}: a kernel must neither allocate "
-            "memory nor raise an exception"
+            f"{prefix} calls {', '.join(undefined)}: a kernel must neither allocate memory nor "
+            "raise an exception"
         )
-    symbol = compiled.overloads[arguments].fndesc.llvm_func_name
     # The uses that remain after the definitions of Python objects are addresses of exceptions
     # (`@.const.picklebuf...`), which a function passes to its caller in addition to the error code.
     # `tdint.kernels.building.loading.Loaded` reads only the error code.
     text = _EXCEPTION.sub("null", _PYTHON_OBJECTS.sub("", text))
     # numba numbers functions in the order of compilation. Here each name contains its index in the
     # module.
+    unchanged = {LAWS_SYMBOL, *kept}
     names = {
-        name: f"{function.__name__}.{index}" for index, name in enumerate(_DEFINED.findall(text))
+        name: f"{prefix}.{index}"
+        for index, name in enumerate(_DEFINED.findall(text))
+        if name not in unchanged
     }
 
     def renamed(use: re.Match[str]) -> str:
@@ -308,8 +520,7 @@ def objects_of(
         name in quotation marks, or the unchanged text if the module does not define the symbol."""
         return f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0]
 
-    text = _SYMBOL.sub(renamed, text)
-    return [_emitted(text, target) for target in targets], names[symbol]
+    return _SYMBOL.sub(renamed, text), names
 
 
 def _emitted(text: str, target: Target) -> bytes:

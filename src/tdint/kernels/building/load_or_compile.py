@@ -7,15 +7,16 @@ image, a cluster, other processors, or a shared directory.
 from __future__ import annotations
 
 import errno
-import importlib
 import importlib.util
 import json
 import logging
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -24,13 +25,13 @@ import numpy as np
 
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.kernels.building.compilable import (
-    EVERYTHING,
-    FEATURES,
-    FRACTURES,
+    FULL,
+    LAW_PREFIX,
+    PLAIN,
     Compilable,
     Variant,
-    parse,
 )
+from tdint.number_parsing import pluralize
 from tdint.system import lock, locked, processors, spawn_detached
 
 if TYPE_CHECKING:
@@ -38,9 +39,10 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger("tdint")
 
-# Approximate compile time of a kernel in s, by its number of laws. The key 3 is used for three and
-# more laws.
-_SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}
+_SECONDS = {PLAIN: 6.0, FULL: 15.0}
+"""Approximate compile time of a kernel in a form, s."""
+_OTHER_SECONDS = 3.0
+"""Approximate compile time of a law, or of a kernel with a single form, s."""
 
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -72,54 +74,54 @@ def load_or_compile(
     UsageError
         The value of TDINT_KERNELS is invalid.
     """
-    if all(kernel.loaded(variant) for kernel, variant in pairs):
+    if all(kernel.loaded(form) for kernel, form in required(pairs)):
         return
     with _ONE_AT_A_TIME:
-        _load_missing(pairs, progress)
+        _load_missing(required(pairs), progress)
+
+
+def required(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilable, str]]:
+    """Return the kernels and the laws that they need, each with its form, without duplicates."""
+    result: dict[tuple[Compilable, str], None] = {}
+    for kernel, variant in pairs:
+        for item in (kernel, *variant.laws):
+            result[item, item.form(variant)] = None
+    return list(result)
 
 
 def _load_missing(
-    pairs: Sequence[tuple[Compilable, Variant]],
+    needed: Sequence[tuple[Compilable, str]],
     progress: Callable[[float], None],
 ) -> None:
-    """Load the kernels that are not loaded, and compile kernels without an object file
+    """Load the kernels and laws that are not loaded, and compile those without an object file
     (`load_or_compile`).
 
     The caller owns the lock `_ONE_AT_A_TIME`. The environment variable TDINT_KERNELS has these
     values:
 
         python     the kernels are installed as Python functions, without compilation
-        whole      one variant with all features is used for all buildings; the method
-                   `Compilable.required_variant` evaluates this setting
         compile    set by tdint in the processes that compile kernels, not by users
-        empty      default: each kernel is compiled for the features that it must support
+        empty      default: each kernel is compiled
     """
-    requested = [
-        (kernel, kernel.required_variant(variant))
-        for kernel, variant in pairs
-        if not kernel.loaded(variant)
-    ]
+    requested = [(kernel, form) for kernel, form in needed if not kernel.loaded(form)]
     setting = os.environ.get("TDINT_KERNELS", "")
     # The message omits `compile`, which users must not set.
-    if setting not in ("", "python", "whole", "compile"):
-        raise UsageError(
-            f"TDINT_KERNELS={setting} is invalid: set it to python or whole, or unset it"
-        )
+    if setting not in ("", "python", "compile"):
+        raise UsageError(f"TDINT_KERNELS={setting} is invalid: set it to python, or unset it")
     if setting == "python":
-        for kernel, variant in requested:
-            kernel.install(variant, _python_function(kernel.function), interpreted=True)
-        return
-    if not requested:  # another thread has loaded the kernels in the meantime
+        for kernel, form in requested:
+            kernel.interpret(form, _python_function)
         return
     from tdint.kernels.building import store
 
-    if not (missing := _load_existing(dict.fromkeys(requested))):
+    # Another thread can have loaded the kernels in the meantime.
+    if not (missing := _load_existing(requested)):
         return
     folder = store.writable()
     # Processes that need the same kernels wait for each other. The lock file is one of 16, selected
     # by a checksum of the missing kernels, so that processes that need other kernels usually do not
     # wait. Without a writable directory, no lock is used.
-    kernel_list = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
+    kernel_list = "".join(f"{kernel.name} {form}\n" for kernel, form in missing)
     file = folder and folder / f"{store.LOCK_PREFIX}{crc32(kernel_list.encode()) % 16}"
     with locked(
         file, lambda: LOG.info("waiting for another tdint process that compiles time loops")
@@ -129,35 +131,24 @@ def _load_missing(
             _compile(missing, progress, folder)
 
 
-def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
-    """Return the variants that can be used for a kernel, in order of preference: its variant and
-    the variant with all features, which contains no laws of plug-ins and no laws that can fracture.
-    """
-    is_apart = variant.outside or any(law.endswith(FRACTURES) for law in variant.laws)
-    return (variant,) if is_apart else (variant, EVERYTHING)
-
-
 def _load_existing(
-    pairs: Iterable[tuple[Compilable, Variant]],
-) -> list[tuple[Compilable, Variant]]:
-    """Load kernels that have an object file, and return the remaining kernels."""
+    requested: Iterable[tuple[Compilable, str]],
+) -> list[tuple[Compilable, str]]:
+    """Load kernels and laws that have an object file, and return the others."""
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     missing = []
-    for kernel, variant in pairs:
-        for usable in _usable_variants(variant):
-            stored = store.find_object(kernel.name, usable.text, runnable())
-            # Path, code and name of the function; None without an object file
-            if stored and _load(kernel, variant, *stored[1:]):
-                break
-        else:
-            missing.append((kernel, variant))
+    for kernel, form in requested:
+        # Path, code and description; None without an object file
+        stored = store.find_object(kernel.name, form, runnable())
+        if not stored or not _load(kernel, form, *stored[1:]):
+            missing.append((kernel, form))
     return missing
 
 
 def _compile(
-    missing: Sequence[tuple[Compilable, Variant]],
+    missing: Sequence[tuple[Compilable, str]],
     progress: Callable[[float], None],
     folder: Path | None,
 ) -> None:
@@ -187,62 +178,62 @@ def _compile(
         )
     destination = f"stored in {folder}" if folder else "not stored: no writable directory"
     count = len(missing)
-    loops = "loop" if count == 1 else "loops"
-    names = ", ".join(dict.fromkeys(map(_label, missing)))
     LOG.info(
-        "compiling %d time %s for this machine (about %d s): %s; %s",
-        count,
-        loops,
+        "compiling %s for this machine (about %d s): %s; %s",
+        counted(missing),
         duration(missing),
-        names,
+        ", ".join(dict.fromkeys(map(_label, missing))),
         destination,
     )
     # Each compilation is for this machine only, and therefore has a single object file.
     running = run_all(compilations((*pair, NATIVE) for pair in missing))
     for completed, (compilation, (data,)) in enumerate(running, start=1):
-        kernel, variant = compilation.kernel, compilation.variant
+        kernel, form = compilation.kernel, compilation.form
         code, description = unpack(data)
-        saved = store.save(data, kernel.name, variant.text, compilation.targets[NATIVE])
+        saved = store.save(data, kernel.name, form, compilation.targets[NATIVE])
         if saved is None and folder:
             LOG.info(
                 "%s is not writable: the compiled time loops are only used in this run", folder
             )
-        if not _load(kernel, variant, code, description["symbol"]):
+        if not _load(kernel, form, code, description):
             raise RuntimeError(f"{kernel.name}: the compiled time loop cannot be loaded")
         progress(completed / count)
 
 
-def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
-    """Return the approximate compile time of kernels, s, measured on processors of 2024.
+def counted(requested: Iterable[tuple[Compilable, str]]) -> str:
+    """Return the numbers of time loops and of laws as text, for example `5 time loops and a
+    law`."""
+    is_law = [LAW_PREFIX in kernel.name for kernel, _ in requested]
+    laws, loops = sum(is_law), len(is_law) - sum(is_law)
+    parts = [
+        pluralize(count, noun) for count, noun in ((loops, "time loop"), (laws, "law")) if count
+    ]
+    return " and ".join(parts)
+
+
+def duration(requested: Sequence[tuple[Compilable, str]]) -> int:
+    """Return the approximate compile time of kernels and laws, s, measured on processors of 2024.
 
     It is the larger of the time of the slowest kernel and the sum over all kernels divided by the
-    number of processors. A kernel that does not depend on the laws is compiled as fast as a kernel
-    with a single law.
+    number of processors.
     """
-    # A variant without names of laws contains all laws of tdint, more than three.
-    durations = [
-        _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]
-        for kernel, variant in pairs
-    ]
+    durations = [_SECONDS.get(form, _OTHER_SECONDS) for _, form in requested]
     return round(max(max(durations), sum(durations) / processors()))
 
 
-def _label(pair: tuple[Compilable, Variant]) -> str:
-    """Return the module of a kernel and its laws for messages, for example `impulse4 (linear)`."""
-    kernel, variant = pair
-    laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
-    return kernel.name.partition(":")[0].rpartition(".")[2] + laws
+def _label(pair: tuple[Compilable, str]) -> str:
+    """Return the module of a kernel or the name of a law for messages, for example `impulse4`."""
+    module, _, name = pair[0].name.partition(":")
+    return name.removeprefix(LAW_PREFIX) if LAW_PREFIX in name else module.rpartition(".")[2]
 
 
-def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> bool:
-    """Load an object file, without its description, into a kernel; return False if it cannot be
-    loaded or does not contain the function.
+def _load(kernel: Compilable, form: str, code: bytes, description: dict[str, Any]) -> bool:
+    """Load an object file into a kernel or law; return False if it cannot be loaded or does not
+    contain the function.
     """
-    from tdint.kernels.building.loading import Loaded
-
     try:
-        kernel.install(variant, Loaded(code, symbol, kernel.signature))
-    except (RuntimeError, ValueError):
+        kernel.load(form, code, description)
+    except (RuntimeError, ValueError, KeyError):
         return False
     return True
 
@@ -270,10 +261,9 @@ _JOBS = ("CI", "SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID")
 """Environment variables that are set in continuous integration and by the schedulers of clusters.
 In such jobs the kernels are always compiled first."""
 
-_BACKGROUND_LOCK = ".lock-beside"
+BACKGROUND_LOCK = ".lock-beside"
 _BACKGROUND_PROGRAM = (
-    "from tdint.kernels.building.load_or_compile import compile_in_background; "
-    "compile_in_background()"
+    "from tdint.kernels.building.background import compile_in_background; compile_in_background()"
 )
 
 
@@ -284,9 +274,9 @@ def interpret_while_compiling(
     """Use kernels as Python functions in this run if an object file is missing; return True if they
     are used.
 
-    A separate process with low priority compiles the kernels for the next run, and continues after
-    this process has ended. With TDINT_COMPILE=never no process is started. The caller calls this
-    function only for a short run, because Python functions are slow.
+    A separate process with low priority compiles the kernels, and continues after this process has
+    ended. A run that still computes when they are compiled continues with them
+    (`use_compiled_kernels`). With TDINT_COMPILE=never no process is started.
 
     The function returns False, and the caller loads or compiles the kernels, if
 
@@ -316,9 +306,8 @@ def interpret_while_compiling(
         raise UsageError(
             f"TDINT_COMPILE={setting} is invalid: set it to wait or never, or unset it"
         )
-    has_plugins = any(
-        variant.outside or not kernel.name.startswith("tdint.") for kernel, variant in loop_kernels
-    )
+    in_loop = required(loop_kernels)
+    has_plugins = not all(kernel.name.startswith("tdint.") for kernel, _ in in_loop)
     if setting == "wait" or has_plugins or any(map(os.environ.get, ("TDINT_KERNELS", *_JOBS))):
         return False
     # Without numba the compilation fails, and the caller reports the error.
@@ -327,12 +316,11 @@ def interpret_while_compiling(
     # If a kernel of the time loop has no object file, all its kernels are installed as Python
     # functions, with memory views (`as_views`), which are faster.
     with _ONE_AT_A_TIME:
-        in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
         if not _load_existing(in_loop):
             return False  # all kernels of the time loop have an object file
-        others = [(kernel, kernel.required_variant(variant)) for kernel, variant in other_kernels()]
-        for kernel, variant in [*in_loop, *_load_existing(others)]:
-            kernel.install(variant, as_views(kernel.function, variant), interpreted=True)
+        others = [item for item in required(other_kernels()) if item not in in_loop]
+        for kernel, form in [*in_loop, *_load_existing(others)]:
+            kernel.interpret(form, partial(as_views, form=form))
     folder = store.writable() if setting != "never" else None
     background = ""
     if folder:
@@ -345,15 +333,42 @@ def interpret_while_compiling(
                 f"; the process that compiles them cannot be started ({error.strerror or error})"
             )
         else:
-            background = ", and the time loops are compiled in the background for the next runs"
+            _BACKGROUND.update(folder=folder, groups=[in_loop, others], time=time.monotonic())
+            background = " while compiled ones are made in the background"
             background += " (TDINT_COMPILE=wait compiles them first)"
     LOG.info("first run: uncompiled time loops are used%s", background)
     return True
 
 
-def _start_compilation(
-    groups: Sequence[Sequence[tuple[Compilable, Variant]]], folder: Path
-) -> None:
+_BACKGROUND: dict[str, Any] = {}
+"""Compilation in the background for the interpreted kernels of this process, empty without one:
+directory of the object files, groups of kernels, and time of the last start."""
+
+_RESTART_SECONDS = 20.0
+"""Time after which a compilation in the background is started again, s: another process may have
+compiled other kernels before."""
+
+
+def use_compiled_kernels() -> None:
+    """Replace the interpreted kernels of the time loop by compiled kernels, if another process has
+    compiled all of them in the meantime. A time loop calls this function between its calls."""
+    if not _BACKGROUND:
+        return
+    from tdint.kernels.building import store
+    from tdint.kernels.building.target import NATIVE, named
+
+    in_loop, others = _BACKGROUND["groups"]
+    if all(store.has(kernel.name, form, named(NATIVE)) for kernel, form in in_loop):
+        _BACKGROUND.clear()
+        with _ONE_AT_A_TIME:
+            _load_existing(in_loop)
+    elif time.monotonic() > _BACKGROUND["time"] + _RESTART_SECONDS:
+        _BACKGROUND["time"] = time.monotonic()
+        with suppress(OSError):  # the run continues with interpreted kernels
+            _start_compilation([in_loop, others], _BACKGROUND["folder"])
+
+
+def _start_compilation(groups: Sequence[Sequence[tuple[Compilable, str]]], folder: Path) -> None:
     """Start a process that compiles groups of kernels, unless such a process is already running.
 
     For each directory of object files, a single process compiles in the background at a time, also
@@ -362,10 +377,8 @@ def _start_compilation(
     """
     # The kernels that the time loop calls, the first group, are compiled last. If their object
     # files exist, the object files of the other kernels also exist.
-    names = [
-        [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(groups)
-    ]
-    file = folder / _BACKGROUND_LOCK
+    names = [[(kernel.name, form) for kernel, form in group] for group in reversed(groups)]
+    file = folder / BACKGROUND_LOCK
     if file.exists() and not file.is_file():  # opening a named pipe would block
         raise FileExistsError(errno.EEXIST, f"{file} is not a file")
     with file.open("a") as stream:
@@ -379,38 +392,22 @@ def _start_compilation(
             )
 
 
-def compile_in_background() -> None:
-    """Compile the groups of kernels in the arguments of the program, one group after the other.
-
-    `interpret_while_compiling` starts this program. Its first argument is a JSON list of groups;
-    each group is a list of pairs of kernel name and text of the variant. Nothing is done if no
-    directory is writable or if another process is compiling.
-    """
-    from tdint.kernels.building import store
-
-    folder = store.writable()
-    if folder is None:
-        return
-    with (folder / _BACKGROUND_LOCK).open("a") as stream:
-        if lock(stream.fileno()):
-            for group in json.loads(sys.argv[1]):
-                pairs = []
-                for kernel_name, variant_text in group:
-                    module, function = kernel_name.split(":")
-                    kernel = getattr(importlib.import_module(module), function)
-                    pairs.append((kernel, parse(variant_text)))
-                load_or_compile(pairs)
+def load_or_compile_objects(items: Sequence[tuple[Compilable, str]]) -> None:
+    """Load kernels and laws, each in a form, and compile those without an object file."""
+    with _ONE_AT_A_TIME:
+        _load_missing(items, lambda done: None)
 
 
-def as_views(function: Callable[..., Any], variant: Variant) -> Callable[..., Any]:
-    """Return a Python function of a kernel that accesses its arrays through memory views, without
-    the features that `variant` omits.
+def as_views(function: Callable[..., Any], form: str) -> Callable[..., Any]:
+    """Return a Python function of a kernel that accesses its arrays through memory views, in a
+    form.
 
     A call requires two thirds of the time of a call with NumPy arrays, because the elements of
     memory views are Python numbers, and again two thirds of it without the tests of the features of
     a building with plain stories. If an operation fails that arrays allow and Python numbers do
     not, such as a division by zero, the arrays are restored and the call is repeated with arrays.
     """
+    context = _plain if form == PLAIN else nullcontext
     python_function = _python_function(function)
 
     def call(*arguments: Any) -> Any:
@@ -420,7 +417,7 @@ def as_views(function: Callable[..., Any], variant: Variant) -> Callable[..., An
             return function(*arguments)
         # The kernel changes its arrays. The copies restore them if the call fails half-way.
         saved = [array.copy() for array in arrays]
-        with _only_features_of(variant):
+        with context():
             try:
                 views = [
                     argument.data if isinstance(argument, np.ndarray) else argument
@@ -438,27 +435,22 @@ def as_views(function: Callable[..., Any], variant: Variant) -> Callable[..., An
 
 
 @contextmanager
-def _only_features_of(variant: Variant) -> Iterator[None]:
-    """Let the Python functions of kernels omit the features that a variant does not have.
-
-    Modules of kernels state each feature by a constant with its name, such as `TREE`, `_TREE` or
-    `HAS_ELEMENTS`, which is True in a process that does not compile (`tdint.kernels.compiling`).
-    """
-    omitted = [feature.upper() for feature in FEATURES if not getattr(variant, feature)]
-    constants = [
-        (module, name)
-        for module in [*sys.modules.values()]
-        if getattr(module, "__name__", "").startswith(("tdint.kernels.", "tdint.methods."))
-        for name in (prefix + feature for feature in omitted for prefix in ("", "_", "HAS_"))
-        if vars(module).get(name) is True
+def _plain() -> Iterator[None]:
+    """Let the Python functions of kernels omit the optional features
+    (`tdint.kernels.compiling.FULL`)."""
+    modules = [
+        module
+        for name, module in [*sys.modules.items()]
+        if name.startswith(("tdint.kernels.", "tdint.methods."))
+        and vars(module).get("FULL") is True
     ]
-    for module, name in constants:
-        setattr(module, name, False)
+    for module in modules:
+        vars(module)["FULL"] = False
     try:
         yield
     finally:
-        for module, name in constants:
-            setattr(module, name, True)
+        for module in modules:
+            vars(module)["FULL"] = True
 
 
 # ---- Compilation in advance
@@ -491,21 +483,19 @@ def compile_ahead(
     from tdint.kernels.building import store
     from tdint.kernels.building.target import named
 
-    # Runs load the same variants: with TDINT_KERNELS=whole the variant with all features.
-    kernels = dict.fromkeys((kernel, kernel.required_variant(variant)) for kernel, variant in pairs)
     requested = [
-        (kernel, variant, target)
+        (kernel, form, target)
         for target in dict.fromkeys(targets)
-        for kernel, variant in kernels
-        if not store.has(kernel.name, variant.text, named(target), folder)
+        for kernel, form in required(pairs)
+        if not store.has(kernel.name, form, named(target), folder)
     ]
     written: list[Path] = []
     if folder is not None:
         with suppress(OSError):  # the error is reported when a file is saved
             folder.mkdir(parents=True, exist_ok=True)
-    for kernel, variant, target, data in _objects(requested):
+    for kernel, form, target, data in _objects(requested):
         try:
-            path = store.save(data, kernel.name, variant.text, target, folder)
+            path = store.save(data, kernel.name, form, target, folder)
         # `save` raises OSError only for a specified directory. For the cache it returns None.
         except OSError as error:
             raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
@@ -517,9 +507,9 @@ def compile_ahead(
 
 
 def _objects(
-    requested: Iterable[tuple[Compilable, Variant, str]],
-) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
-    """Yield the kernels with their variant, target and object file: first the existing files, then
+    requested: Iterable[tuple[Compilable, str, str]],
+) -> Iterator[tuple[Compilable, str, Target, bytes]]:
+    """Yield the kernels with their form, target and object file: first the existing files, then
     the compiled kernels in the order of their completion.
     """
     from tdint.kernels.building import store
@@ -527,39 +517,32 @@ def _objects(
     from tdint.kernels.building.target import named
 
     missing = []
-    for kernel, variant, name in requested:
+    for kernel, form, name in requested:
         target = named(name)
-        if stored := store.find_object(kernel.name, variant.text, (target,)):
-            yield kernel, variant, target, stored[0].read_bytes()
+        if stored := store.find_object(kernel.name, form, (target,)):
+            yield kernel, form, target, stored[0].read_bytes()
         else:
-            missing.append((kernel, variant, name))
+            missing.append((kernel, form, name))
     for compilation, packed in run_all(compilations(missing)):
         for target, data in zip(compilation.targets.values(), packed, strict=True):
-            yield compilation.kernel, compilation.variant, target, data
+            yield compilation.kernel, compilation.form, target, data
 
 
 def list_objects(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
-    """Return a table of kernels and their object files, one row per kernel without duplicates.
+    """Return a table of kernels, their laws and the object files, without duplicates.
 
     Returns
     -------
     list of tuple of str
-        Name of the kernel, text of its variant with spaces instead of commas, path of the object
-        file, and its origin: `wheel`, `TDINT_KERNELS_DIR` or `cache`. Path and origin are empty for
-        a kernel without object file.
+        Name of the kernel or law, its form, path of the object file, and its origin: `wheel`,
+        `TDINT_KERNELS_DIR` or `cache`. Path and origin are empty without an object file.
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     entries = []
-    for kernel, variant in dict.fromkeys(
-        (kernel, kernel.required_variant(variant)) for kernel, variant in pairs
-    ):
-        candidates = (
-            store.find_object(kernel.name, usable.text, runnable())
-            for usable in _usable_variants(variant)
-        )
-        stored = next(filter(None, candidates), None)  # path, code and name of the function
+    for kernel, form in required(pairs):
+        stored = store.find_object(kernel.name, form, runnable())
         file, origin = (str(stored[0]), store.origin(stored[0])) if stored else ("", "")
-        entries.append((kernel.name, variant.text.replace(",", " "), file, origin))
+        entries.append((kernel.name, form, file, origin))
     return entries

@@ -14,10 +14,17 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
-from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
+from tdint.kernels.building.compilable import (
+    HOOKS,
+    LAWS_SYMBOL,
+    Argument,
+    ArrayOf,
+    Scalar,
+    Signature,
+)
 from tdint.kernels.building.target import machine
 
-_FORMAT = "tdint object 2"
+_FORMAT = "tdint object 3"
 _MAX_DESCRIPTION = 4096  # bytes; the descriptions of tdint have a few hundred
 # C type and Python type of each number type of a signature
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
@@ -29,10 +36,10 @@ def pack(code: bytes, description: dict[str, Any]) -> bytes:
     Parameters
     ----------
     description : dict
-        Properties of the object, including `symbol`, the name of its function. The format and the
-        SHA-256 of description and code are added.
+        Properties of the object: `symbol`, the name of the function of a kernel, or `properties` of
+        a law, and others. The format and the SHA-256 of description and code are added.
     """
-    description = {"form": _FORMAT, **description}
+    description = {"format": _FORMAT, **description}
     return json.dumps({**description, "sha256": _hash(description, code)}).encode() + b"\n" + code
 
 
@@ -53,11 +60,7 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
     if len(first_line) > _MAX_DESCRIPTION:
         raise ValueError("the data are not an object file compiled by tdint: no description")
     description = json.loads(first_line)
-    if (
-        not isinstance(description, dict)
-        or description.get("form") != _FORMAT
-        or not isinstance(description.get("symbol"), str)
-    ):
+    if not isinstance(description, dict) or description.get("format") != _FORMAT:
         raise ValueError("the data are not an object file compiled by tdint: other format")
     if description.pop("sha256", None) != _hash(description, code):
         raise ValueError("the object file is truncated or corrupt")
@@ -69,6 +72,45 @@ def _hash(description: dict[str, Any], code: bytes) -> str:
     return hashlib.sha256(
         json.dumps(description, sort_keys=True).encode() + b"\n" + code
     ).hexdigest()
+
+
+_MAX_LAWS = 1000
+"""Maximum number of laws in a process."""
+
+_LAWS = (ctypes.c_int64 * (2 * _MAX_LAWS * (len(HOOKS) + 1)))()
+"""Table of laws (`tdint.kernels.building.compilable.LAWS_SYMBOL`)."""
+llvm.add_symbol(LAWS_SYMBOL, ctypes.addressof(_LAWS))
+
+_LAW_ENGINES: dict[int, Any] = {}
+"""Engines that own the memory of the laws in the table, by row."""
+
+
+def load_law(code: float, data: bytes, properties: int) -> None:
+    """Load the object file of a law, and write its functions to the table of laws.
+
+    Raises
+    ------
+    RuntimeError, ValueError
+        The object cannot be loaded, or does not contain all functions; or the number of the law
+        `code` is too large.
+    """
+    engine = _engine(data)
+    addresses = [engine.get_function_address(f"law.{name}") for name in HOOKS]
+    if not all(addresses):
+        raise ValueError("the object file does not contain all functions of the law")
+    row, width = int(2 * code), len(HOOKS) + 1
+    if row >= 2 * _MAX_LAWS:
+        raise ValueError(f"more than {_MAX_LAWS} laws are registered")
+    _LAWS[row * width : (row + 1) * width] = [*addresses, properties]
+    _LAW_ENGINES[row] = engine
+
+
+def _engine(code: bytes) -> Any:
+    """Load an object file; the returned engine owns its memory."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine
 
 
 class Loaded:
@@ -94,10 +136,7 @@ class Loaded:
         RuntimeError, ValueError
             The object cannot be loaded, or does not contain the function.
         """
-        # The engine owns the memory of the function.
-        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
-        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-        self._engine.finalize_object()
+        self._engine = _engine(code)
         self.address = self._engine.get_function_address(symbol)
         if not self.address:
             raise ValueError(f"the object file contains no function {symbol}")

@@ -20,8 +20,8 @@ from threading import Event
 from typing import IO, Any, NamedTuple
 
 from tdint.errors import AnalysisError
-from tdint.kernels.building.compilable import Compilable, Variant
-from tdint.kernels.building.sources import OUTSIDE, closure, size
+from tdint.kernels.building.compilable import ANY, FULL, Compilable
+from tdint.kernels.building.sources import closure, size
 from tdint.kernels.building.target import Target, named, native
 from tdint.system import processors, unnamed_file
 
@@ -34,25 +34,22 @@ _MISSING = re.compile(r"name '(\w+)'")
 
 @dataclass(frozen=True)
 class Compilation:
-    """Compilation of a single kernel in a single variant, for targets with equal optimization by
+    """Compilation of a kernel in a single form, or of a law, for targets with equal optimization by
     numba.
 
     Attributes
     ----------
-    variant : Variant
-        Features that the compiled code must support.
+    kernel : Compilable
+        Kernel or law.
+    form : str
+        Form of the code, of `tdint.kernels.building.compilable`.
     targets : mapping of str to Target
         Processors and systems by name, one object file for each target.
     """
 
     kernel: Compilable
-    variant: Variant
+    form: str
     targets: Mapping[str, Target]
-
-    @property
-    def module(self) -> str:
-        """Module of the kernel."""
-        return self.kernel.function.__module__
 
     @property
     def settings(self) -> dict[str, str]:
@@ -65,60 +62,50 @@ class Compilation:
         # does not depend on the processor.
         cpu, features = next(iter(self.targets.values())).optimized_for
         return {
-            "TDINT_KERNELS_VARIANT": self.variant.text,
+            "TDINT_KERNELS_FORM": FULL if self.form == ANY else self.form,
             "TDINT_KERNELS_TARGETS": ",".join(self.targets),
             "NUMBA_CPU_NAME": cpu,
             "NUMBA_CPU_FEATURES": features,
-            "TDINT_KERNELS_PLUGINS": json.dumps(self.plugins),
             "NUMBA_LOOP_VECTORIZE": str(int(self.kernel.vectorized)),
         }
 
     @property
-    def plugins(self) -> dict[str, tuple[str, str]]:
-        """Module and file of each law of the variant that belongs to a plug-in, by the name of the
-        law.
-        """
-        modules = {law: OUTSIDE[law] for law in self.variant.outside}
-        return {law: (name, str(sys.modules[name].__file__)) for law, name in modules.items()}
-
-    @property
-    def request(self) -> tuple[str, str | None]:
+    def request(self) -> tuple[str, str, str | None]:
         """Request for the process that compiles the kernel.
 
-        The first element is the name of the kernel. The second is the file of its module if the
-        module is not part of tdint, otherwise None.
+        The elements are the name of the kernel, its form, and the file of its module if the module
+        is not part of tdint, otherwise None.
 
         Raises
         ------
         AnalysisError
             The kernel is not in a module that another process can load.
         """
-        module = sys.modules[self.module]
-        if module.__name__ == "__main__" or not getattr(module, "__file__", None):
+        name = self.kernel.module
+        file = None if name.startswith("tdint.") else getattr(sys.modules[name], "__file__", None)
+        if name == "__main__" or not (file or name.startswith("tdint.")):
             raise AnalysisError(
                 f"{self.kernel.name} cannot be compiled, because a kernel must be defined in a "
                 "module file that another process can import; move it to a separate file"
             )
-        return self.kernel.name, None if module.__name__.startswith("tdint.") else str(
-            module.__file__
-        )
+        return self.kernel.name, self.form, file
 
     def reason(self, text: list[str]) -> str:
         """Return the reason why this compilation failed, `FILE:LINE: message`, from the error
         output of the process.
 
         The message is the first line that is not empty after the last "Failed in nopython" in the
-        output of numba, otherwise the last line; empty without output. External files are the files
-        of plug-ins: of the laws of the variant, and of the kernel if it is not part of tdint. The
-        source files are these files and the files of all modules that the object file depends on
-        (`closure`). The position is determined as follows:
+        output of numba, otherwise the last line; empty without output. The external file is the
+        file of a plug-in, if the code is not part of tdint. The source files are this file and the
+        files of all modules that the object file depends on (`closure`). The position is determined
+        as follows:
 
         1. If the message reports an undefined name, numba gives no position. The position is the
-           first line that uses the name, in the external files first.
+           first line that uses the name, in the external file first.
         2. Otherwise, the lines after the last "Failed in nopython" are searched, then all lines of
-           the output, from the last to the first. A position in an external file is preferred.
-        3. If no position is found, the position is an external file without a line, the file of the
-           kernel before that of a law, unless the message contains the name of an external file.
+           the output, from the last to the first. A position in the external file is preferred.
+        3. If no position is found, the position is the external file without a line, unless the
+           message contains its name.
         """
         failures = [i for i, line in enumerate(text) if "Failed in nopython" in line]
         lines_after = text[-1:]
@@ -130,14 +117,9 @@ class Compilation:
         message = " ".join(lines_after[: 2 if lines_after[0].endswith(":") else 1])
         if not message:
             return ""
-        external_files = [Path(file) for _, file in self.plugins.values()]
-        # The file of a kernel that is not part of tdint
-        if self.request[1]:
-            external_files.append(Path(self.request[1]))
-        files = list(external_files)
-        files += [
-            file for file in closure(self.module, self.variant.laws).values() if file not in files
-        ]
+        external = self.request[2]
+        files = [Path(external)] if external else []
+        files += [file for file in closure(self.kernel.name).values() if file not in files]
         # Case 1
         if undefined := _MISSING.search(message):
             position = next(
@@ -155,13 +137,13 @@ class Compilation:
             ]
             # Paths are compared, because the text of a name can differ: `__file__` of a module can
             # contain `/./` or `//`, which a path omits.
-            external_positions = [item for item in positions if item[0] in external_files]
+            external_positions = [item for item in positions if external and item[0] == files[0]]
             position = next(
                 (f"{file}:{line}" for file, line in [*external_positions, *positions]), ""
             )
         # Case 3
-        if not position and not any(str(file) in message for file in external_files):
-            position = str(external_files[-1]) if external_files else ""
+        if not position and external and str(files[0]) not in message:
+            position = str(files[0])
         return f"{position}: {message}" if position else message
 
 
@@ -178,12 +160,12 @@ def _line_of(name: str, file: Path) -> int:
     )
 
 
-def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
-    """Return the compilations of kernels for named targets; targets with equal optimization are
-    combined.
+def compilations(requested: Iterable[tuple[Compilable, str, str]]) -> list[Compilation]:
+    """Return the compilations of kernels, each in a form and for a named target; targets with equal
+    optimization are combined.
     """
     groups: dict[Any, dict[str, Target]] = {}
-    for kernel, variant, name in requested:
+    for kernel, form, name in requested:
         target = named(name)
         # A vectorized kernel is optimized for the processor of the target. A kernel that is not
         # vectorized has the same code for all processors, so that its targets share the value None.
@@ -191,10 +173,8 @@ def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[C
         # generator of numba, which generates code for the processor in the settings of the process
         # (NUMBA_CPU_NAME).
         optimization = target.optimized_for if kernel.vectorized or target == native() else None
-        groups.setdefault((kernel, variant, optimization), {})[name] = target
-    return [
-        Compilation(kernel, variant, targets) for (kernel, variant, _), targets in groups.items()
-    ]
+        groups.setdefault((kernel, form, optimization), {})[name] = target
+    return [Compilation(kernel, form, targets) for (kernel, form, _), targets in groups.items()]
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
@@ -248,7 +228,7 @@ def _groups(compilations: Iterable[Compilation]) -> list[list[Compilation]]:
     """
     groups: dict[Any, list[Compilation]] = {}
     for compilation in compilations:
-        key = (*compilation.settings.items(), compilation.module)
+        key = (*compilation.settings.items(), compilation.kernel.module)
         groups.setdefault(key, []).append(compilation)
     return sorted(
         groups.values(),
@@ -288,19 +268,43 @@ def _compile_waiting(work: _Work) -> None:
             return
         compilation = group[0]
         try:
-            with _process(group, work) as (process, errors):
-                for compilation in group:
-                    work.done.put((compilation, _objects(process, errors, compilation)))
+            with _process(compilation, work) as (process, errors):
+                # The process has compiled functions that kernels share, and takes further groups.
+                while group and not work.stopped.is_set():
+                    _request(process, group)
+                    for compilation in group:
+                        work.done.put((compilation, _objects(process, errors, compilation)))
+                    group = _next_group(work, compilation.settings)
         except BaseException as error:
             work.done.put((compilation, error))
             return
 
 
+def _next_group(work: _Work, settings: Mapping[str, str]) -> list[Compilation]:
+    """Remove and return the first waiting group with equal settings; empty if there is none."""
+    for group in [*work.waiting]:
+        if group[0].settings == settings:
+            with suppress(ValueError):  # another thread has taken it
+                work.waiting.remove(group)
+                return group
+    return []
+
+
+def _request(process: subprocess.Popen[bytes], group: Sequence[Compilation]) -> None:
+    """Request the compilation of a group from a process."""
+    requests = "".join(json.dumps(compilation.request) + "\n" for compilation in group)
+    assert process.stdin is not None
+    # The standard input remains open, because its end would end the process.
+    with suppress(OSError):  # the process has ended, and its output contains the reason
+        process.stdin.write(requests.encode())
+        process.stdin.flush()
+
+
 @contextmanager
 def _process(
-    group: Sequence[Compilation], work: _Work
+    first: Compilation, work: _Work
 ) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes]]]:
-    """Yield a process that compiles a group, and the file of its error output. The process is
+    """Yield a process that compiles groups, and the file of its error output. The process is
     killed at the end of the `with` statement.
 
     Raises
@@ -308,7 +312,6 @@ def _process(
     AnalysisError
         No process can be started, or a kernel is not in a module that it can load.
     """
-    requests = "".join(json.dumps(compilation.request) + "\n" for compilation in group)
     pipe, path = subprocess.PIPE, os.pathsep.join(filter(None, sys.path))
     # The process must never wait for a full pipe, therefore its error output is a file.
     with unnamed_file() as errors:
@@ -319,7 +322,7 @@ def _process(
                 stdout=pipe,
                 stderr=errors,
                 env={
-                    **{**os.environ, **group[0].settings},
+                    **{**os.environ, **first.settings},
                     "PYTHONPATH": path,
                     "TDINT_KERNELS": "compile",
                     "OPENBLAS_NUM_THREADS": "1",
@@ -327,16 +330,11 @@ def _process(
                 },
             )
         except OSError as error:
-            raise _nothing_started(group[0], error) from None
+            raise _nothing_started(first, error) from None
         work.running.add(process)
         try:
             if work.stopped.is_set():  # after `run_all` has killed the running processes
                 process.kill()
-            assert process.stdin is not None
-            # The standard input remains open, because its end would end the process.
-            with suppress(OSError):  # the process has ended, and its output contains the reason
-                process.stdin.write(requests.encode())
-                process.stdin.flush()
             yield process, errors
         finally:
             process.kill()

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from tdint.kernels.building.compilable import FRACTURES, Variant
+from tdint.kernels.building.compilable import LAW_PREFIX
 from tdint.public_names import PLUGIN
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
 _COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "target"))
 """Modules of `building` on which an object file depends, independent of the imports."""
+
+FRACTURES = "~"
+"""End of the name of a law that can fracture, in the name of its object file."""
 
 OUTSIDE: dict[str, str] = {}
 """Modules of the laws of plug-ins, by the name of the law. The function that registers a law adds
@@ -48,25 +51,25 @@ _QUOTES = b'"' * 3  # starts and ends a docstring
 
 
 @cache
-def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
-    """Return the hash of the sources of a kernel, 12 hexadecimal digits: of its module and of all
-    modules that it imports.
+def digest(name: str) -> str:
+    """Return the hash of the sources of a kernel or law, 12 hexadecimal digits: of its module and
+    of all modules that it imports.
 
-    The hash is part of the name of an object file, so that a kernel is compiled again after a
-    change. The modules of other laws than `laws` are ignored; empty for all laws.
+    The hash is part of the name of an object file, so that the code is compiled again after a
+    change.
     """
     hash_value = hashlib.sha256()
-    for name, file in sorted(closure(kernel.partition(":")[0], laws).items()):
-        hash_value.update(name.encode() + b"\0" + _read(file)[0])
+    for module, file in sorted(closure(name).items()):
+        hash_value.update(module.encode() + b"\0" + _read(file)[0])
     return hash_value.hexdigest()[:12]
 
 
-def size(kernel: str) -> int:
-    """Return the size of the sources of a kernel in bytes, an estimate of the compile time.
+def size(name: str) -> int:
+    """Return the size of the sources of a kernel or law in bytes, an estimate of the compile time.
 
     The sources are its module and all modules of kernels and methods that it imports.
     """
-    return sum(file.stat().st_size for file in closure(kernel.partition(":")[0]).values())
+    return sum(file.stat().st_size for file in closure(name).values())
 
 
 @cache
@@ -83,23 +86,24 @@ def digest_of_all() -> str:
     return hash_value.hexdigest()[:12]
 
 
-def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
-    """Return the source files of all modules on which the object file of a kernel depends.
+def closure(compiled: str) -> dict[str, Path]:
+    """Return the source files of all modules on which the object file of a kernel or law depends.
 
-    The result contains the module of the kernel, the modules of kernels and methods that it imports
-    directly or indirectly, the modules of the laws, and three modules of the package `building`
-    (_COMPILING), which affect the object file. Imports of other modules of `building` (_BUILDING)
-    are ignored, because a change of these modules does not require a new compilation.
+    The result contains its module, the modules of kernels and methods that it imports directly or
+    indirectly, for a law the modules of its entries and of fracture, and three modules of the
+    package `building` (_COMPILING), which affect the object file. Imports of other modules of
+    `building` (_BUILDING) are ignored, because a change of these modules does not require a new
+    compilation.
 
-    The file of a module of a plug-in is the file that the module was loaded from. The modules of
-    other laws than `laws` are omitted; empty for all laws.
+    The file of a module of a plug-in is the file that the module was loaded from.
     """
-    # The module of a law has its name. The package imports it when the law is first used.
-    law_modules = [name.removesuffix(FRACTURES).replace("-", "_") for name in laws]
-    if not laws:
-        law_modules = [file.stem for file in (_PACKAGE / "kernels" / "laws").glob("[!_]*.py")]
+    module, _, attribute = compiled.partition(":")
+    queue = [module, *_COMPILING]
+    if attribute.startswith(LAW_PREFIX):
+        queue.append(f"{_LAWS}.hooks")
+        if attribute.endswith(FRACTURES):
+            queue.append(f"{_LAWS}.fracture")
     files: dict[str, Path] = {}
-    queue = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
     while queue:
         name = queue.pop()
         file = _file(name)
@@ -111,8 +115,6 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         # can import in any form and are parsed.
         imports = _read(file)[1] if name.startswith("tdint.") else _imported(file, name)
         queue += [imported for imported in imports if not imported.startswith(_BUILDING)]
-        if name == _LAWS:
-            queue += [f"{_LAWS}.{module}" for module in law_modules]
     return files
 
 

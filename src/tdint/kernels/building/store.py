@@ -1,10 +1,10 @@
 """Storage of compiled kernels.
 
 Object files are stored in a directory with a name that contains a hash of the versions of the
-compiler and of Python. The name of each file contains the kernel, the variant, the processor and a
-hash of the sources (see `tdint.kernels.building.sources`), so that an outdated file is never used.
-The file contains the same information, which is hashed together with the code. The directories are
-searched in this order:
+compiler and of Python. The name of each file contains the kernel or law, its form, the processor
+and a hash of the sources (see `tdint.kernels.building.sources`), so that an outdated file is never
+used. The file contains the same information, which is hashed together with the code. The
+directories are searched in this order:
 
 1. TDINT_KERNELS_DIR, a shared directory created by `tdint compile -o`, which is never written to;
 2. TDINT_CACHE_DIR if it is set, otherwise the cache of the user. New object files are written to
@@ -24,9 +24,9 @@ from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from tdint.errors import UsageError
-from tdint.kernels.building.compilable import parse
 from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
@@ -41,45 +41,45 @@ _PART = ".part"
 _DAY = 86400.0  # s
 _PACKAGE = Path(__file__).parents[2]
 _PREBUILT = _PACKAGE / "kernels" / "prebuilt"
-_CONVENTION = "numba 1"
+_CONVENTION = "numba 2"
 """Calling convention of `tdint.kernels.building.loading` and contents of the description. A change
 requires a new number."""
 
 
-def identity(name: str, variant: str, target: Target) -> dict[str, str]:
+def identity(name: str, form: str, target: Target) -> dict[str, str]:
     """Return the properties that identify an object file, by their names in its description.
 
-    They are kernel, variant, platform, processor, hash of the sources and calling convention.
+    They are kernel, form, platform, processor, hash of the sources and calling convention.
 
     Parameters
     ----------
-    variant : str
-        Features that the compiled code supports, as text (`Variant.text`).
+    form : str
+        Form of the code, of `tdint.kernels.building.compilable`.
     """
     return {
         "kernel": name,
-        "variant": variant,
+        "form": form,
         "platform": target.platform,
         "target": target.text,
-        "sources": digest(name, parse(variant).laws),
+        "sources": digest(name),
         "convention": _CONVENTION,
     }
 
 
 def find_object(
-    name: str, variant: str, targets: tuple[Target, ...]
-) -> tuple[Path, bytes, str] | None:
-    """Return the path of the object file of a kernel, its code, and the name of its function; None
-    without an object file.
+    name: str, form: str, targets: tuple[Target, ...]
+) -> tuple[Path, bytes, dict[str, Any]] | None:
+    """Return the path of the object file of a kernel, its code, and its description; None without
+    an object file.
 
     The first directory with a valid object file for a target is used, and in this directory the
     first of the targets, which are processors of a single platform in order of preference. Corrupt
     files are ignored. In the cache, files of other users are also ignored, except files of the
-    owner of the package. `variant` is the text of the variant.
+    owner of the package.
     """
     directories = _search_path(targets[0].platform)
     return next(
-        filter(None, (_find_in(*directory, name, variant, targets) for directory in directories)),
+        filter(None, (_find_in(*directory, name, form, targets) for directory in directories)),
         None,
     )
 
@@ -95,7 +95,7 @@ def origin(file: Path) -> str:
     return "TDINT_KERNELS_DIR" if shared and file.is_relative_to(shared) else "cache"
 
 
-def has(name: str, variant: str, target: Target, directory: Path | None = None) -> bool:
+def has(name: str, form: str, target: Target, directory: Path | None = None) -> bool:
     """Return True if a directory (default: the cache of the user) contains a valid object file of a
     kernel.
 
@@ -107,7 +107,7 @@ def has(name: str, variant: str, target: Target, directory: Path | None = None) 
         return False
     # True for the cache: files of other users are ignored.
     return bool(
-        _find_in(root / folder_name(target.platform), directory is None, name, variant, (target,))
+        _find_in(root / folder_name(target.platform), directory is None, name, form, (target,))
     )
 
 
@@ -133,15 +133,15 @@ def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
 
 
 def _find_in(
-    directory: Path, check: bool, name: str, variant: str, targets: tuple[Target, ...]
-) -> tuple[Path, bytes, str] | None:
-    """Return path, code and function name of the object file of a kernel in a directory, or None.
+    directory: Path, check: bool, name: str, form: str, targets: tuple[Target, ...]
+) -> tuple[Path, bytes, dict[str, Any]] | None:
+    """Return path, code and description of the object file of a kernel in a directory, or None.
 
     The directory does not have to exist. If `check` is True (the cache), files of other users are
     ignored.
     """
     for target in targets:
-        path = directory / file_name(name, variant, target)
+        path = directory / file_name(name, form, target)
         try:
             if not path.is_file():
                 continue
@@ -154,16 +154,16 @@ def _find_in(
             continue
         # Files that are not used for a month are removed; the modification time is updated at most
         # once a day.
-        if description.items() >= identity(name, variant, target).items():
+        if description.items() >= identity(name, form, target).items():
             if check and file.st_mtime < time.time() - _DAY:
                 with suppress(OSError):
                     os.utime(path)
-            return path, code, description["symbol"]
+            return path, code, description
     return None
 
 
 def save(
-    data: bytes, name: str, variant: str, target: Target, directory: Path | None = None
+    data: bytes, name: str, form: str, target: Target, directory: Path | None = None
 ) -> Path | None:
     """Write an object file atomically and return its path; None if it cannot be written to the
     cache of the user.
@@ -180,10 +180,10 @@ def save(
     if directory is not None:
         objects = directory / folder_name(target.platform)
         _make_readable_directory(objects)
-        return _write(data, objects / file_name(name, variant, target))
+        return _write(data, objects / file_name(name, form, target))
     if cached := cache_subfolder(folder_name(target.platform)):
         with suppress(OSError):
-            path = _write(data, cached / file_name(name, variant, target))
+            path = _write(data, cached / file_name(name, form, target))
             # Unused kernels of the current versions of compiler and Python, then unused directories
             # of other versions
             remove_unused("*.object", _DAYS_KEPT, keep=path)
@@ -246,26 +246,24 @@ def _make_readable_directory(directory: Path) -> None:
         directory.chmod(0o755)
 
 
-def file_name(name: str, variant: str, target: Target) -> str:
+def file_name(name: str, form: str, target: Target) -> str:
     """Return the file name of a compiled kernel.
 
     Parameters
     ----------
     name : str
         Name of the kernel, `package.module:function`.
-    variant : str
-        Features that the compiled code supports (`Variant.text`).
+    form : str
+        Form of the code, of `tdint.kernels.building.compilable`.
 
     Returns
     -------
     str
         Four parts, separated by hyphens, with the suffix `.object`: kernel name (without `tdint.`,
-        with a dot instead of the colon), variant, target, and hash of the sources.
+        with a dot instead of the colon), form, target, and hash of the sources.
     """
-    sources = digest(name, parse(variant).laws)
-    return (
-        f"{name.removeprefix('tdint.').replace(':', '.')}-{variant}-{target.text}-{sources}.object"
-    )
+    sources = digest(name)
+    return f"{name.removeprefix('tdint.').replace(':', '.')}-{form}-{target.text}-{sources}.object"
 
 
 def _write(data: bytes, path: Path) -> Path:

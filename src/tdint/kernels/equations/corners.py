@@ -17,15 +17,11 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, R
 from tdint.kernels.laws.branch_following import copy_state
-from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
+from tdint.kernels.laws.selection import elements_of
 from tdint.kernels.linear_terms import (
-    BRACES,
-    FORCES,
-    TANGENT_DAMPING,
-    TREE,
     above,
     add_modal_force,
     force_value,
@@ -222,7 +218,7 @@ def _store_forces(coefficients, scene, h, memory, i, count):
     """
     law_parameters, scratch = scene.law_parameters, memory.scratch
     if (
-        HAS_ELEMENTS
+        FULL
         and law_parameters[rows.CODE, i] <= rows.ELEMENTS
         and scratch[ROW.LEAVES_BRANCH, i] != 0.0
     ):
@@ -243,7 +239,7 @@ def _store_law_forces(coefficients, scene, h, memory, i, column, count):
     n = linear_terms.shape[1] - 1
     story_path = _story_path(linear_terms, law_state, scratch, i)
     # The rows PATH of an element contain its restoring force only.
-    is_element = HAS_ELEMENTS and column != i
+    is_element = FULL and column != i
     geometric = 0.0 if is_element else linear_terms[rows.GEOMETRIC, i]
     leaves_branch = scratch[ROW.LEAVES_BRANCH, i] != 0.0
     is_curved = leaves_branch and not path.is_piecewise_linear(scene.law_parameters, column)
@@ -408,12 +404,12 @@ def _store_accelerations(scene, h, load, scratch, k):
         )
         story_force_above = link * story_force
         viscous_shear *= link
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             scratch[ROW.NODE_FORCE + k, i] = story_force
             scratch[ROW.MODAL_FORCE, i] = viscous_force
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         _store_tree_accelerations(linear_terms, scratch, k)
-    if FORCES:
+    if FULL:
         for j in range(forces.shape[0]):
             i = int(forces[j, rows.FLOOR])
             scratch[ROW.NODE_ACCELERATION + k, i] += linear_terms[
@@ -535,7 +531,7 @@ def _has_corners(scene, memory, i):
     A curved law has no corners. A story with elements has corners if one of its piecewise-linear
     elements leaves its branch.
     """
-    if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _elements_have_corners(scene, memory, i)
     return path.is_piecewise_linear(scene.law_parameters, i)
 
@@ -570,7 +566,7 @@ def _may_exceed_peaks(scene, h, load, memory):
     inverse_h_squared = 1.0 / (h * h)
     any_leaves = False
     # The sums below apply to a chain.
-    may_exceed = (FORCES and forces.shape[0] > 0) or (TREE and is_tree(linear_terms))
+    may_exceed = (FULL and forces.shape[0] > 0) or (FULL and is_tree(linear_terms))
     deviation_above = shear_0 = shear_1 = 0.0
     # shear_0 and shear_1 are sums of mass times absolute acceleration at the start and at the end
     # of the step. Without forces on floors, they are minus the total shears.
@@ -583,7 +579,7 @@ def _may_exceed_peaks(scene, h, load, memory):
             bend = story_value(linear_terms, scratch, ROW.BEND, i)
             peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
             may_exceed |= _may_exceed_shear_peak(law_state, i, rise, bend, peak)
-            if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+            if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
                 for element in elements_of(law_parameters, i):
                     peak = law_state[rows.PEAK_FORCE, element]
                     if path.is_piecewise_linear(law_parameters, element):
@@ -648,7 +644,7 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
         if (
-            HAS_ELEMENTS
+            FULL
             and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS
             and scratch[ROW.LEAVES_BRANCH, i] != 0.0
         ):
@@ -717,7 +713,7 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
     if _add_extrema_to_corners(scratch, count, n):
         count = _store_nodes(scratch, n)
         _store_response_at_nodes(coefficients, scene, h, load, memory, count)
-    if HAS_ELEMENTS:
+    if FULL:
         _raise_peaks_of_sums(scene, memory, count)
     for k in range(1, count):
         t = load[rows.TIME] + h * scratch[ROW.NODE_FORCE + k, n]
@@ -726,7 +722,7 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
             raise_peak(scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, acceleration)
             total_shear = scratch[ROW.NODE_FORCE + k, i]
             raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
-            if FORCES:
+            if FULL:
                 keep_corner(scratch, ROW.PEAKS, i, acceleration, t)
 
 
@@ -749,9 +745,9 @@ def _store_response_at_nodes(coefficients, scene, h, load, memory, count):
                 _integrate_accelerations(h, load, memory, i, count)
         for i in range(n):
             _store_forces(coefficients, scene, h, memory, i, count)
-        if TANGENT_DAMPING and scene.flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+        if FULL and scene.flags[rows.HAS_TANGENT_DAMPING] != 0.0:
             _add_tangent_damping(scene, h, memory, count)
-        if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+        if FULL and scene.flags[rows.HAS_BRACES] != 0.0:
             _add_brace_forces(scene, h, memory, count)
         for k in range(count):
             _store_accelerations(scene, h, load, scratch, k)

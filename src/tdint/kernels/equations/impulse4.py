@@ -30,7 +30,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import copy_rows_within, inline, outlined
+from tdint.kernels.compiling import FULL, copy_rows_within, inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import (
     correct,
@@ -58,12 +58,7 @@ from tdint.kernels.equations.tridiagonal import (
     factor_pairs,
     solve_pairs_damped,
 )
-from tdint.kernels.laws.selection import HAS_CURVED_LAW, HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
-    BRACES,
-    MODAL,
-    TANGENT_DAMPING,
-    TREE,
     above,
     add_modal_force,
     base_of,
@@ -307,7 +302,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         # The story dampers do not contribute to the impulse for u1 = u0.
         force = spring_force + linear_terms[rows.STORY_DAMPER, i] * rate
         impulse = h * (spring_force + by_rate * (law_state[rows.SLOPE, i] + geometric) * rate)
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             scratch[momentum.FORCE_1, i] = force
             scratch[momentum.FORCE_S, i] = impulse
             force_above = above(linear_terms, scratch, momentum.FORCE_1, i)
@@ -358,7 +353,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         base = base_of(linear_terms, i)
         du = du_below
         dv = dv_below
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             dv = scratch[ROW.COMPLEX + 1, i] * by_im
             du = scratch[ROW.COMPLEX, i] + re * dv
         dv_below = scratch[ROW.COMPLEX + 1, base] * by_im
@@ -374,7 +369,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         force += linear_terms[rows.STORY_DAMPER, i] * (
             v - link * (state[rows.VELOCITY, base] + dv_below)
         )
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             scratch[momentum.FORCE_1, i] = force
             force_above = above(linear_terms, scratch, momentum.FORCE_1, i)
         floor_force = scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v
@@ -382,7 +377,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
             floor_force - (force - force_above)
         )
         force_above = link * force
-    if MODAL and modal.shape[0] > 0:
+    if FULL and modal.shape[0] > 0:
         _add_modal_acceleration(linear_terms, modal, scratch, n)
     tie(linear_terms, scratch, momentum.A1)
 
@@ -432,7 +427,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     # the end of a step, they can exceed the mean forces by orders of magnitude, so that a relative
     # tolerance must be strict.
     undamped_iterations = UNDAMPED_ITERATIONS
-    if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+    if FULL and scene.flags[rows.HAS_DAMPER_STATE] != 0.0:
         undamped_iterations = 0
         tolerance = RESIDUAL_TOLERANCE
     while True:
@@ -516,7 +511,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
         link = linear_terms[rows.LINK, i]
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             base = base_of(linear_terms, i)
             u_below, v_below = scratch[momentum.U1, base], scratch[momentum.V1, base]
             du_below = scratch[momentum.DU, base]
@@ -558,14 +553,14 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
                 _add_damper(coefficients, linear_terms, i, h, increment, memory, factors)
                 or is_stale
             )
-        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             law_mean = mean - geometric * (
                 coefficients[WEIGHT_0] * law_state[rows.DRIFT, i]
                 + coefficients[WEIGHT_C] * drift_c
                 + coefficients[WEIGHT_1] * drift
             )
             _add_tangent_damping(linear_terms, i, h, (force, law_mean, tangent), increment, memory)
-        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+        if FULL and linear_terms[rows.BRACE, i] != 0.0:
             dv_below = scratch[momentum.DV, base_of(linear_terms, i)]
             bend = h * (scratch[momentum.DV, i] - link * dv_below)
             is_stale = _add_brace(scene, i, h, increment, bend, memory, factors) or is_stale
@@ -615,11 +610,11 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
         force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
     else:
         is_reversed = False
-        if HAS_CURVED_LAW and keep_branches:
+        if keep_branches:
             tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                 coefficients, scene, h, i, drifts, memory
             )
-        if HAS_ELEMENTS and keep_branches and not is_reversed:
+        if FULL and keep_branches and not is_reversed:
             tangent_c = restoring_force_on_branches(
                 law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
             )
@@ -633,7 +628,7 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
             tangent = restoring_force_outlined(
                 law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
             )
-        if TANGENT_DAMPING and keep_branches and not is_reversed:
+        if FULL and keep_branches and not is_reversed:
             tangent = _tangent_on_branch(scene, law_state, i, drift, tangent)
         force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
         force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
@@ -661,7 +656,7 @@ def _tangent_on_branch(scene, law_state, i, drift, tangent):
 @inline
 def _force_in_substep(law_parameters, law_state, i, previous, trial, drift):
     """Compute the force of story `i`; its elements remain on their linear branches."""
-    if HAS_ELEMENTS:
+    if FULL:
         return restoring_force_on_branches(law_parameters, law_state, i, previous, trial, drift)
     return restoring_force_outlined(law_parameters, law_state, i, previous, trial, drift)
 
@@ -722,7 +717,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
     if (
-        HAS_ELEMENTS
+        FULL
         and law_parameters[rows.CODE, i] <= rows.ELEMENTS
         and turns_at_reversal(law_parameters, law_state, i)
     ):
@@ -932,7 +927,7 @@ def _add_brace(scene, i, h, rise, bend, memory, factors):
     scratch[momentum.FORCE_1, i] += force_0 + moment
     scratch[momentum.FORCE_S, i] += h * mean
     mismatch = force_0 + 0.5 * moment - mean
-    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+    if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
         mismatch += scratch[ROW.DASHPOT_MISMATCH, i]
     scratch[ROW.DASHPOT_MISMATCH, i] = mismatch
     # The force of the brace depends on the change of drift in the step only.
@@ -1000,7 +995,7 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         tangent_c += linear_terms[rows.GEOMETRIC, i]
         tangent_1 += linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
-        if TANGENT_DAMPING:
+        if FULL:
             damper += linear_terms[rows.TANGENT_DAMPING, i] * scratch[ROW.TANGENT_1, i]
         slope_c = coefficients[WEIGHT_C] * scratch[ROW.SLOPE_C, i]
         slope_1 = scratch[ROW.SLOPE_1, i]
@@ -1015,7 +1010,7 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         scratch[coupling + 3, i] += h * (
             coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1
         )
-        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+        if FULL and linear_terms[rows.BRACE, i] != 0.0:
             # The unknown of the velocity is the change of the drift rate, the bend divided by h.
             for row in range(4):
                 tangent = scratch[ROW.BRACE + path.MEAN_BY_RISE + row, i]

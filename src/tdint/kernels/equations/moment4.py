@@ -22,7 +22,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     ROUNDING,
@@ -38,14 +38,7 @@ from tdint.kernels.equations.tridiagonal import (
     link_blocks,
     solve_blocks_damped,
 )
-from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import (
-    BRACES,
-    LINKS,
-    MODAL,
-    POWER_DAMPERS,
-    TANGENT_DAMPING,
-    TREE,
     above,
     add_modal_force,
     base_of,
@@ -178,17 +171,16 @@ def solve_step(coefficients, scene, h, memory):
     previous_norm = math.inf
     is_correction_negligible = False
     # First estimate: exact linear solution if all laws have linear branches and there are no
-    # power-law dashpots (ALL_BRANCHES), otherwise a guess. If HAS_NONLINEAR_FORCE is False, all
-    # laws of the compiled variant are linear, and the flag is always ALL_BRANCHES.
+    # power-law dashpots (ALL_BRANCHES), otherwise a guess.
     if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         previous_norm = _solve_on_branches(coefficients, scene, h, memory)
         iterations = 1
-        if not HAS_NONLINEAR_FORCE or flags[rows.LINEAR] != 0.0:
+        if flags[rows.LINEAR] != 0.0:
             return iterations
     else:
         _store_first_guess(h, state, scratch, n)
-    # Newton's method; HAS_NONLINEAR_FORCE is a constant of the compiled variant.
-    while HAS_NONLINEAR_FORCE:
+    # Newton's method
+    while True:
         # `is_stale` is True if the existing factorization is for other derivatives of means and
         # moments, or for another length of the step. The last argument of `_evaluate_stories` is
         # True if the decision about reversals may change.
@@ -225,8 +217,7 @@ def solve_step(coefficients, scene, h, memory):
 @inline
 def _solve_on_branches(coefficients, scene, h, memory):
     """Solve the equations under the assumption that all stories remain on their linear branches.
-    Return the squared norm of the residuals for D0 = D1 = 0 (formula in `_residuals`); 0 if the
-    code is compiled for linear stories only, because the norm is then not needed.
+    Return the squared norm of the residuals for D0 = D1 = 0 (formula in `_residuals`).
 
     For the drift d0 + D t + E (t^2 - t) / 2 of a story with the force f0 at the start (with
     P-delta) and the sum k of the stiffness of its branch and the geometric stiffness, F0 = f0 + k
@@ -277,10 +268,9 @@ def _solve_on_branches(coefficients, scene, h, memory):
         moment_residual = h * h * scratch[ROW.LOAD + 1, i] - inertia
         scratch[ROW.X, i] = impulse_residual
         scratch[ROW.X + 1, i] = moment_residual
-        if HAS_NONLINEAR_FORCE:
-            norm += linear_terms[rows.INVERSE_MASS, i] * (
-                impulse_residual * impulse_residual + moment_residual * moment_residual / 12.0
-            )
+        norm += linear_terms[rows.INVERSE_MASS, i] * (
+            impulse_residual * impulse_residual + moment_residual * moment_residual / 12.0
+        )
     # Factorize if necessary, and solve. `_factor` reads the four derivatives from the rows PATH.
     # The correction starts from zero: the solution in rows X is the complete rise and bend.
     if is_stale:
@@ -355,11 +345,11 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         # Compute the integrals of the restoring force, and add the integrals of the force of a
         # power-law dashpot.
         _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding)
-        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             _add_tangent_damping(scene, i, h, rise, bend, memory)
-        if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        if FULL and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
-        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+        if FULL and linear_terms[rows.BRACE, i] != 0.0:
             _add_brace(linear_terms, i, h, rise, bend, state, scratch)
         # The factorization is kept if no derivative has changed by more than the tolerance.
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
@@ -386,7 +376,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         # because the convergence test multiplies it by the tolerance. `displacement_scale` is |u0|
         # plus the absolute rise of floor `i` (now in `rise_below`).
         displacement_scale = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             base = base_of(linear_terms, i)
             displacement_scale_below = abs(state[rows.DISPLACEMENT, base])
             displacement_scale_below += abs(scratch[ROW.RISE, base])
@@ -395,7 +385,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
             * law_parameters[rows.STIFFNESS, i]
             * (displacement_scale + link * displacement_scale_below)
         )
-        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+        if FULL and linear_terms[rows.BRACE, i] != 0.0:
             # The force of the brace depends only on changes of drift and rate within the step.
             change = abs(rise_below) + abs(rise_below - rise) + abs(bend)
             scratch[ROW.ROUNDING_FORCE, i] += rounding * (
@@ -579,18 +569,18 @@ def _acceleration(scene, memory, i):
     n = linear_terms.shape[1] - 1
     force = scratch[ROW.LOAD, i] - 0.5 * scratch[ROW.LOAD + 1, i]
     force -= linear_terms[rows.FLOOR_DAMPER, i] * state[rows.VELOCITY, i]
-    for j in range(modal.shape[0] if MODAL else 0):
+    for j in range(modal.shape[0] if FULL else 0):
         amplitude = 0.0
         for k in range(n):
             amplitude += modal[j, k] * state[rows.VELOCITY, k]
         force -= amplitude * modal[j, i]
     force -= _story_force_at_start(linear_terms, state, law_state, i)
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         j = int(linear_terms[rows.FIRST_ON, i])
         while j > 0:
             force += _story_force_at_start(linear_terms, state, law_state, j)
             j = int(linear_terms[rows.NEXT_ON, j])
-        j = int(linear_terms[rows.FIRST_TIED, i]) if LINKS else 0
+        j = int(linear_terms[rows.FIRST_TIED, i]) if FULL else 0
         while j > 0:
             force -= _story_force_at_start(linear_terms, state, law_state, j)
             j = int(linear_terms[rows.NEXT_TIED, j])
@@ -610,9 +600,9 @@ def _story_force_at_start(linear_terms, state, law_state, j):
     story_force += (
         linear_terms[rows.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
     )
-    if BRACES and linear_terms[rows.BRACE, j] != 0.0:
+    if FULL and linear_terms[rows.BRACE, j] != 0.0:
         story_force += state[rows.BRACE_REPORTED, j]
-    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, j] != 0.0:
+    if FULL and linear_terms[rows.TANGENT_DAMPING, j] != 0.0:
         story_force += state[rows.DAMPING_FORCE, j]
     return story_force
 
@@ -865,18 +855,18 @@ def update_state(coefficients, scene, h, memory):
         damper_times_rise_squared += linear_terms[rows.STORY_DAMPER, i] * rise * rise
         damper_times_bend_squared += linear_terms[rows.STORY_DAMPER, i] * bend * bend
         # The argument 0 is the first row of the committed state.
-        if not HAS_NONLINEAR_FORCE or scratch[ROW.LEAVES_BRANCH, i] == 0.0:
+        if scratch[ROW.LEAVES_BRANCH, i] == 0.0:
             advance(law_parameters, law_state, i, 0, law_state[rows.DRIFT, i] + rise)
         else:
             commit_path_end(law_parameters, law_state, i, rise)
     viscous_work = inverse_h * (damper_times_rise_squared + damper_times_bend_squared / 12.0)
-    if MODAL and modal.shape[0] > 0:
+    if FULL and modal.shape[0] > 0:
         viscous_work += _modal_work(modal, h, scratch, n)
-    if POWER_DAMPERS and flags[rows.POWER_DAMPERS] != 0.0:
+    if FULL and flags[rows.POWER_DAMPERS] != 0.0:
         viscous_work += _dashpot_work(linear_terms, scratch, n)
-    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+    if FULL and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(linear_terms, h, state, scratch)
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+    if FULL and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
         _commit_tangent_damping(linear_terms, h, state, scratch)
     step_status[rows.WORK_INPUT] = work_of_mean + work_of_moment / 12.0
     step_status[rows.WORK_VISCOUS] = viscous_work

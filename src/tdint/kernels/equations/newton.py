@@ -17,7 +17,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -31,8 +31,6 @@ from tdint.kernels.equations.iteration import (
 )
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
 from tdint.kernels.linear_terms import (
-    BRACES,
-    TANGENT_DAMPING,
     above,
     add_modal_force,
     base_of,
@@ -225,7 +223,7 @@ def solve_equilibrium_with_dampers(damper_step, effective, factors, previous, tr
     previous_norm = math.inf
     # The forces of dampers with stiff braces require the line search from the first correction.
     undamped_iterations = UNDAMPED_ITERATIONS
-    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+    if FULL and flags[rows.HAS_DAMPER_STATE] != 0.0:
         undamped_iterations = 0
     while True:
         # If no further solution is allowed, the largest relative residual is stored for the error
@@ -310,12 +308,12 @@ def _story_forces(damper_step, effective, factors, previous, trial, scene, memor
             tangent_scale = linear_terms[rows.MASS, i]
         elif dashpot_tangent != 0.0:
             tangent += by_v / by_u * dashpot_tangent
-        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+        if FULL and linear_terms[rows.BRACE, i] != 0.0:
             # The dashpot force of a story with a brace is 0. The derivative with respect to x has
             # the unit of a mass.
             dashpot_force, by_x = _brace_force(damper_step, linear_terms, i, memory)
             tangent += by_x if by_u == 0.0 else by_x / by_u
-        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             # Methods with by_u = 0 refuse tangent damping.
             damping_force, by_x = _tangent_damping_force(
                 damper_step, by_u * law_tangent, trial, scene, i, memory
@@ -341,13 +339,13 @@ def _story_forces(damper_step, effective, factors, previous, trial, scene, memor
         scratch[ROW.SIZE, i] = abs(story_force) + rounding * (
             abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift)
         )
-        if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+        if FULL and linear_terms[rows.BRACE, i] != 0.0:
             # The force of the brace depends on the change of drift in the step only.
             rise = abs(scratch[ROW.RISE, i]) + abs(damper_step.by_rise * scratch[ROW.X, i])
             scratch[ROW.SIZE, i] += (
                 2.0 * ROUNDING / RESIDUAL_TOLERANCE * linear_terms[rows.BRACE, i] * rise
             )
-        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             by_law = damper_step.by_force * linear_terms[rows.TANGENT_DAMPING, i]
             scratch[ROW.SIZE, i] += (
                 by_law * rounding * (abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift))

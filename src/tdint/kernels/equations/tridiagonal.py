@@ -22,13 +22,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import VARIANT, inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.linear_terms import count_masses, is_tree, tie
 from tdint.kernels.stepping import Array
-
-_MODAL = VARIANT.modal
-_TREE = VARIANT.tree
-_LINKS = VARIANT.links
 
 COUPLING_ROWS = 8
 """Number of scratch rows for the couplings between adjacent floors in `factor_blocks`: four entries
@@ -85,7 +81,7 @@ def factor(factors, n):
         Number of floors.
     """
     scratch, pivot, coupling, _, linear_terms = factors
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         # The floors are eliminated from the tips of the tree on: an attachment before its floor.
         for i in range(count_masses(linear_terms) - 1, -1, -1):
             inverse = 1.0 / scratch[pivot, i]
@@ -95,8 +91,7 @@ def factor(factors, n):
                 multiplier = scratch[coupling, i] * inverse
                 scratch[pivot, base] -= multiplier * scratch[coupling, i]
                 scratch[coupling, i] = multiplier
-                if _LINKS:
-                    _eliminate_entries(linear_terms, scratch, pivot, coupling, i)
+                _eliminate_entries(linear_terms, scratch, pivot, coupling, i)
         return
     scratch[pivot, 0] = 1.0 / scratch[pivot, 0]
     for i in range(1, n):
@@ -159,26 +154,24 @@ def solve(factors, x, n):
         Number of floors.
     """
     scratch, pivot, coupling, _, linear_terms = factors
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         last = count_masses(linear_terms) - 1
         for i in range(last, 0, -1):
             base = int(linear_terms[rows.BASE, i])
             scratch[x, base] -= scratch[coupling, i] * scratch[x, i]
-            if _LINKS:
-                j = int(linear_terms[rows.NEXT_ENTRY, i])
-                while j > 0:
-                    base = int(linear_terms[rows.BASE, j])
-                    scratch[x, base] -= scratch[coupling, j] * scratch[x, i]
-                    j = int(linear_terms[rows.NEXT_ENTRY, j])
+            j = int(linear_terms[rows.NEXT_ENTRY, i])
+            while j > 0:
+                base = int(linear_terms[rows.BASE, j])
+                scratch[x, base] -= scratch[coupling, j] * scratch[x, i]
+                j = int(linear_terms[rows.NEXT_ENTRY, j])
         scratch[x, 0] *= scratch[pivot, 0]
         for i in range(1, last + 1):
             base = int(linear_terms[rows.BASE, i])
             value = scratch[x, i] * scratch[pivot, i] - scratch[coupling, i] * scratch[x, base]
-            if _LINKS:
-                j = int(linear_terms[rows.NEXT_ENTRY, i])
-                while j > 0:
-                    value -= scratch[coupling, j] * scratch[x, int(linear_terms[rows.BASE, j])]
-                    j = int(linear_terms[rows.NEXT_ENTRY, j])
+            j = int(linear_terms[rows.NEXT_ENTRY, i])
+            while j > 0:
+                value -= scratch[coupling, j] * scratch[x, int(linear_terms[rows.BASE, j])]
+                j = int(linear_terms[rows.NEXT_ENTRY, j])
             scratch[x, i] = value
         tie(linear_terms, scratch, x)
         return
@@ -242,7 +235,7 @@ def factor_damped(factors, modal, scale, n):
         Number of floors.
     """
     factor(factors, n)
-    if _MODAL:
+    if FULL:
         _store_woodbury(factors, modal, scale, n)
 
 
@@ -286,7 +279,7 @@ def solve_damped(factors, modal, x, n):
         Number of floors.
     """
     solve(factors, x, n)
-    if _MODAL and modal.shape[0] > 0:
+    if FULL and modal.shape[0] > 0:
         _apply_woodbury(factors.table, modal, factors.store, x, n)
 
 
@@ -350,13 +343,12 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
         )
         scratch[coupling, i] = -linear_terms[rows.LINK, i] * story
     # Add the story above to the diagonal entry of each floor; its coupling is the negative value.
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         for i in range(1, n):
             scratch[diagonal, int(linear_terms[rows.BASE, i])] -= scratch[coupling, i]
-        if _LINKS:
-            for i in range(count_masses(linear_terms), n):
-                scratch[diagonal, int(linear_terms[rows.UPPER_FLOOR, i])] += scratch[diagonal, i]
-                _add_to_entry(linear_terms, scratch, coupling, i)
+        for i in range(count_masses(linear_terms), n):
+            scratch[diagonal, int(linear_terms[rows.UPPER_FLOOR, i])] += scratch[diagonal, i]
+            _add_to_entry(linear_terms, scratch, coupling, i)
         return
     for i in range(n - 1):
         scratch[diagonal, i] -= scratch[coupling, i + 1]
@@ -455,17 +447,16 @@ def link_blocks(linear_terms, factors, n):
     for i in range(n):
         for entry in range(4):
             scratch[coupling + entry, i] *= linear_terms[rows.LINK, i]
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         for i in range(1, n):
             base = int(linear_terms[rows.BASE, i])
             for entry in range(4):
                 scratch[blocks + entry, base] += scratch[coupling + entry, i]
-        if _LINKS:
-            for i in range(count_masses(linear_terms), n):
-                floor = int(linear_terms[rows.UPPER_FLOOR, i])
-                for entry in range(4):
-                    scratch[blocks + entry, floor] += scratch[blocks + entry, i]
-                    _add_to_entry(linear_terms, scratch, coupling + entry, i)
+        for i in range(count_masses(linear_terms), n):
+            floor = int(linear_terms[rows.UPPER_FLOOR, i])
+            for entry in range(4):
+                scratch[blocks + entry, floor] += scratch[blocks + entry, i]
+                _add_to_entry(linear_terms, scratch, coupling + entry, i)
         return
     for i in range(n - 1):
         for entry in range(4):
@@ -511,13 +502,12 @@ def factor_blocks(factors, damping, n):
     n : int
         Number of floors.
     """
-    if _MODAL and _is_full(factors.linear_terms, damping.modal, n):
+    if FULL and _is_full(factors.linear_terms, damping.modal, n):
         _factor_full(factors, damping, n)
         return
-    if _TREE and is_tree(factors.linear_terms):
+    if FULL and is_tree(factors.linear_terms):
         _factor_tree_blocks(factors, n)
-        if _MODAL:
-            _store_blocks_woodbury(factors, damping, n)
+        _store_blocks_woodbury(factors, damping, n)
         return
     scratch, blocks, coupling, _, _ = factors  # `blocks` is the number of row `pivot`
     # The second half of the coupling rows is for the products A_i B_(i+1).
@@ -564,7 +554,7 @@ def factor_blocks(factors, damping, n):
     # There is no floor above the roof.
     for entry in range(4):
         scratch[upper + entry, n - 1] = 0.0
-    if _MODAL:
+    if FULL:
         _store_blocks_woodbury(factors, damping, n)
 
 
@@ -605,9 +595,8 @@ def _factor_tree_blocks(factors, n):
     """
     scratch, blocks, coupling, _, linear_terms = factors
     upper = coupling + COUPLING_ROWS // 2
-    if _LINKS:
-        for i in range(1, n):
-            _change_block(scratch, upper, i, 0.0, 1.0, _block(scratch, coupling, i))
+    for i in range(1, n):
+        _change_block(scratch, upper, i, 0.0, 1.0, _block(scratch, coupling, i))
     # `while` as in `tdint.kernels.time_loop.observer.observe`
     i = count_masses(linear_terms)
     while i > 0:
@@ -620,15 +609,11 @@ def _factor_tree_blocks(factors, n):
         while j > 0:
             base = int(linear_terms[rows.BASE, j])
             lower_entry = _block(scratch, coupling, j)
-            upper_entry = lower_entry
-            if _LINKS:
-                upper_entry = _block(scratch, upper, j)
+            upper_entry = _block(scratch, upper, j)
             by_upper = _product(inverse, upper_entry)
             _change_block(scratch, upper, j, 0.0, 1.0, by_upper)
             _change_block(scratch, coupling, j, 0.0, 1.0, _product(lower_entry, inverse))
             _change_block(scratch, blocks, base, 1.0, -1.0, _product(lower_entry, by_upper))
-            if not _LINKS:
-                break
             k = i
             while k != j:  # the pairs of this floor and the earlier floors of the list
                 other = int(linear_terms[rows.BASE, k])
@@ -654,7 +639,7 @@ def _is_full(linear_terms, modal, n):
     formula, which is at least 4 n^3. It is not used for trees, because their floors are not in the
     order of their neighbors.
     """
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         return False
     return 3 * modal.shape[0] >= 2 * n
 
@@ -771,7 +756,7 @@ def solve_blocks(factors, x, y, n):
     """
     scratch, blocks, coupling, _, linear_terms = factors
     upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         last = count_masses(linear_terms) - 1
         for i in range(last, 0, -1):
             x0, y0, j = scratch[x, i], scratch[y, i], i
@@ -779,8 +764,6 @@ def solve_blocks(factors, x, y, n):
                 base = int(linear_terms[rows.BASE, j])
                 scratch[x, base] += scratch[coupling, j] * x0 + scratch[coupling + 1, j] * y0
                 scratch[y, base] += scratch[coupling + 2, j] * x0 + scratch[coupling + 3, j] * y0
-                if not _LINKS:
-                    break
                 j = int(linear_terms[rows.NEXT_ENTRY, j])
         for i in range(last + 1):
             x0, y0, j = scratch[x, i], scratch[y, i], i
@@ -791,8 +774,6 @@ def solve_blocks(factors, x, y, n):
                 p, q = scratch[x, base], scratch[y, base]
                 x1 += scratch[upper, j] * p + scratch[upper + 1, j] * q
                 y1 += scratch[upper + 2, j] * p + scratch[upper + 3, j] * q
-                if not _LINKS:
-                    break
                 j = int(linear_terms[rows.NEXT_ENTRY, j])
             scratch[x, i], scratch[y, i] = x1, y1
         tie(linear_terms, scratch, x)
@@ -866,10 +847,9 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         Modal part of l C. With l = re + i im, the coefficients of the real part x and of the
         imaginary part y of an unknown are xx = re, xy = -im, yx = im and yy = re.
     """
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         _factor_tree_pairs(linear_terms, law_state, root, factors, n)
-        if _MODAL:
-            _store_pairs_woodbury(factors, damping, n)
+        _store_pairs_woodbury(factors, damping, n)
         return
     re, im = root
     scratch, pivot, coupling, _, _ = factors
@@ -915,7 +895,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     # `solve_pairs` reads the multiplier of the floor above, which does not exist above the roof.
     scratch[coupling, n] = 0.0
     scratch[coupling + 1, n] = 0.0
-    if _MODAL:
+    if FULL:
         _store_pairs_woodbury(factors, damping, n)
 
 
@@ -939,9 +919,7 @@ def _factor_tree_pairs(linear_terms, law_state, root, factors, n):
         damper = linear_terms[rows.STORY_DAMPER, i]
         story_re = re * damper + square_re * spring
         story_im = im * damper + square_im * spring
-        floor = entry = i
-        if _LINKS:
-            floor, entry = int(linear_terms[rows.UPPER_FLOOR, i]), int(linear_terms[rows.ENTRY, i])
+        floor, entry = int(linear_terms[rows.UPPER_FLOOR, i]), int(linear_terms[rows.ENTRY, i])
         scratch[pivot, floor] += story_re
         scratch[pivot + 1, floor] += story_im
         if linear_terms[rows.LINK, i] != 0.0:
@@ -971,8 +949,6 @@ def _eliminate_pairs(linear_terms, scratch, pivot, coupling, i):
         scratch[coupling, j], scratch[coupling + 1, j] = by_re, by_im
         scratch[pivot, base] -= by_re * b_re - by_im * b_im
         scratch[pivot + 1, base] -= by_re * b_im + by_im * b_re
-        if not _LINKS:
-            break
         k = i
         while k != j:  # the pairs of this floor and the earlier floors of the list
             column = _entry_between(linear_terms, base, int(linear_terms[rows.BASE, k]))
@@ -994,7 +970,7 @@ def solve_pairs(factors, x, y, n):
     z_(i+1).
     """
     scratch, pivot, coupling, _, linear_terms = factors
-    if _TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         last = count_masses(linear_terms) - 1
         for i in range(last, 0, -1):
             x0, y0, j = scratch[x, i], scratch[y, i], i
@@ -1003,8 +979,6 @@ def solve_pairs(factors, x, y, n):
                 by_re, by_im = scratch[coupling, j], scratch[coupling + 1, j]
                 scratch[x, base] -= by_re * x0 - by_im * y0
                 scratch[y, base] -= by_re * y0 + by_im * x0
-                if not _LINKS:
-                    break
                 j = int(linear_terms[rows.NEXT_ENTRY, j])
         for i in range(last + 1):
             re, im = scratch[pivot, i], scratch[pivot + 1, i]
@@ -1016,8 +990,6 @@ def solve_pairs(factors, x, y, n):
                 p, q = scratch[x, base], scratch[y, base]
                 x1 -= by_re * p - by_im * q
                 y1 -= by_re * q + by_im * p
-                if not _LINKS:
-                    break
                 j = int(linear_terms[rows.NEXT_ENTRY, j])
             scratch[x, i], scratch[y, i] = x1, y1
         tie(linear_terms, scratch, x)
@@ -1164,11 +1136,11 @@ def solve_blocks_damped(factors, damping, x, y, n):
     n : int
         Number of floors.
     """
-    if _MODAL and _is_full(factors.linear_terms, damping.modal, n):
+    if FULL and _is_full(factors.linear_terms, damping.modal, n):
         _solve_full(factors.table, factors.store, x, y, n)
     else:
         solve_blocks(factors, x, y, n)
-        if _MODAL and damping.modal.shape[0] > 0:
+        if FULL and damping.modal.shape[0] > 0:
             _apply_pairs_woodbury(factors, damping, x, y, n)
 
 
@@ -1178,5 +1150,5 @@ def solve_pairs_damped(factors, damping, x, y, n):
     damping with the same `damping`.
     """
     solve_pairs(factors, x, y, n)
-    if _MODAL and damping.modal.shape[0] > 0:
+    if FULL and damping.modal.shape[0] > 0:
         _apply_pairs_woodbury(factors, damping, x, y, n)

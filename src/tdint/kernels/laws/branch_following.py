@@ -212,6 +212,37 @@ def copy_branch(law_state, i, block):
         law_state[block + rows.BRANCH_OFFSET, i] = 0.0
 
 
+@inline
+def remains_on_branch(law_state, i, branch_block, previous, drift):
+    """Return True if the path from the state in block `previous` to a drift (m) remains on its
+    linear branch, which is in `branch_block`."""
+    is_within = (drift <= law_state[branch_block + rows.UPPER, i]) & (
+        drift >= law_state[branch_block + rows.LOWER, i]
+    )
+    drift_change = drift - law_state[previous + rows.DRIFT, i]
+    return (
+        is_within
+        & (law_state[branch_block + rows.RATE_SIGN, i] * drift_change >= 0.0)
+        & (law_state[branch_block + rows.SLOPE, i] < math.inf)
+    )
+
+
+@inline
+def move_on_branch(law_state, i, branch_block, previous, trial, drift):
+    """Write the state at a drift (m) on the branch in `branch_block` to block `trial`; return the
+    slope of the branch, N/m."""
+    slope = law_state[branch_block + rows.SLOPE, i]
+    drift_change = drift - law_state[previous + rows.DRIFT, i]
+    force_0 = law_state[previous + rows.FORCE, i]
+    force_1 = force_0 + slope * drift_change
+    law_state[trial + rows.FORCE, i] = force_1
+    law_state[trial + rows.WORK, i] = (
+        law_state[previous + rows.WORK, i] + 0.5 * (force_0 + force_1) * drift_change
+    )
+    law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
+    return slope
+
+
 def branch_first(functions: LawFunctions) -> LawFunctions:
     """Return the functions of a law with a fast evaluation of paths that remain on one branch.
 
@@ -245,24 +276,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         branch on the way and writes all rows.
         """
         branch_block = branch_owner(law_state, i, previous)
-        slope = law_state[branch_block + rows.SLOPE, i]
-        drift_change = drift - law_state[previous + rows.DRIFT, i]
-        is_within = (drift <= law_state[branch_block + rows.UPPER, i]) & (
-            drift >= law_state[branch_block + rows.LOWER, i]
-        )
-        if (
-            is_within
-            & (law_state[branch_block + rows.RATE_SIGN, i] * drift_change >= 0.0)
-            & (slope < math.inf)
-        ):
-            force_0 = law_state[previous + rows.FORCE, i]
-            force_1 = force_0 + slope * drift_change
-            law_state[trial + rows.FORCE, i] = force_1
-            law_state[trial + rows.WORK, i] = (
-                law_state[previous + rows.WORK, i] + 0.5 * (force_0 + force_1) * drift_change
-            )
-            law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
-            return slope
+        if remains_on_branch(law_state, i, branch_block, previous, drift):
+            return move_on_branch(law_state, i, branch_block, previous, trial, drift)
         # `follow` requires that the block `previous` contains the branch.
         if previous != rows.COMMITTED:
             copy_branch(law_state, i, previous)
@@ -285,7 +300,7 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
             copy_branch(law_state, i, trial)
             keep(law_parameters, law_state, i, previous, trial)
 
-    return replace(functions, force=force, keep=commit_changed_rows)
+    return replace(functions, force=force, keep=commit_changed_rows, branch_first=True)
 
 
 def advancing(move: Any) -> Any:

@@ -3,7 +3,7 @@
 `fracturing` returns a law that follows another law until the drift reaches one of the rows
 FRACTURE_HIGH and FRACTURE_LOW of `law_parameters`. From then on its force is 0, also after a
 return. The stored energy counts as dissipated. The number of this law is the number of the other
-law plus FRACTURING, so that laws without fracture are compiled without this law.
+law plus FRACTURING: it is a separate law, which is compiled when a building has it.
 """
 
 from __future__ import annotations
@@ -11,13 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 FRACTURING = 0.5
 """Added to the number of a law that can fracture (row CODE)."""
@@ -38,7 +35,7 @@ def fracturing(law: DriftLaw) -> DriftLaw:
     fractured = _FRACTURED if math.isnan(law.failed) else law.failed
     return replace(
         law,
-        functions=partial(_functions, law.functions, law.curved, fractured),
+        functions=partial(_functions, law, fractured),
         kinked=True,
         concave=False,
         failed=fractured,
@@ -47,53 +44,27 @@ def fracturing(law: DriftLaw) -> DriftLaw:
     )
 
 
-def _functions(
-    inner_functions: Callable[[], LawFunctions], is_curved: bool, fractured: float
-) -> LawFunctions:
+def _functions(law: DriftLaw, fractured: float) -> LawFunctions:
     """Return the compiled functions of the law. After the fracture, INTERNAL is `fractured`."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import (
-        add_work,
         branch_owner,
         copy_branch,
         extra_rows,
         fail,
         set_branch,
     )
+    from tdint.kernels.laws.hooks import hooks_of
 
-    inner = inner_functions()
+    inner = law.functions()
     # In row DISSIPATED; other laws subtract the stored energy from the work.
     stores_energy = inner.hysteretic_energy is None or inner.accumulate_dissipation is not None
     inner_force, inner_strain_energy = inner.force, inner.strain_energy
 
-    @inline
-    def do_nothing(law_parameters, law_state, i, previous, trial):
-        """Do nothing: default of `accumulate_dissipation` and `keep`."""
-
-    @inline
-    def same_branch(law_parameters, law_state, i, block, event):
-        """Do nothing: default of `switch`."""
-
-    @inline
-    def default_branch(law_parameters, law_state, i):
-        """Do nothing: default of `enter`."""
-
-    @inline
-    def copy_dissipation(law_parameters, law_state, i, previous, trial):
-        """Copy DISSIPATED: default of `accumulate_dissipation`."""
-        law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
-
-    @inline
-    def stored_dissipation(law_parameters, law_state, i):
-        """Return DISSIPATED: default of `hysteretic_energy`."""
-        return law_state[rows.DISSIPATED, i]
-
-    inner_hysteretic = inner.hysteretic_energy or stored_dissipation
-    inner_accumulate = inner.accumulate_dissipation or copy_dissipation
-    inner_keep = inner.keep or do_nothing
-    inner_enter = inner.enter or default_branch
-    inner_switch = inner.switch or same_branch
-    inner_advance = inner.advance or inline(add_work)
+    hooks = hooks_of(law)
+    inner_hysteretic, inner_accumulate = hooks["hysteretic_energy"], hooks["accumulate_dissipation"]
+    inner_keep, inner_enter = hooks["keep"], hooks["enter"]
+    inner_switch, inner_advance = hooks["switch"], hooks["advance"]
 
     @inline
     def high_limit(law_parameters, i):
@@ -258,20 +229,16 @@ def _functions(
         enter=enter,
         advance=advance,
         switch=switch,
-        kink=_kink(inner, high_limit, low_limit, is_fractured) if is_curved else inner.kink,
+        kink=_kink(hooks["kink"], high_limit, low_limit, is_fractured)
+        if law.curved
+        else inner.kink,
+        branch_first=False,
     )
 
 
-def _kink(inner: LawFunctions, high_limit: Any, low_limit: Any, is_fractured: Any) -> Any:
+def _kink(inner_kink: Any, high_limit: Any, low_limit: Any, is_fractured: Any) -> Any:
     """Return the function `kink` of a curved law that can fracture."""
     from tdint.kernels.compiling import inline
-
-    @inline
-    def no_kink(law_parameters, law_state, i, block, side):
-        """Return infinity, for laws without a kink."""
-        return math.inf
-
-    inner_kink = inner.kink or no_kink
 
     @inline
     def kink(law_parameters, law_state, i, block, side):

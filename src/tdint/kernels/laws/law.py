@@ -139,6 +139,8 @@ class LawFunctions:
     kink : function, optional
         (law_parameters, law_state, i, block, side) -> drift change in the direction `side` (1 or
         -1) after which the force of a curved law has a kink, m; infinite if the force has no kink.
+    branch_first : bool
+        True if `force` and `keep` are those of `tdint.kernels.laws.branch_following.branch_first`.
     """
 
     force: Any
@@ -151,6 +153,7 @@ class LawFunctions:
     switch: Any = None
     points: Any = None
     kink: Any = None
+    branch_first: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,95 +1,79 @@
-"""Compiled functions that select the drift law of a story by its number.
+"""Calls of the functions of drift laws.
 
-`select_function` returns a function that calls the function of the law of each story. The constants
-of the module state which features the laws of the compiled variant have; the compiler omits code
-for other features.
+Each law is compiled to its own object file. A kernel finds the functions of the law of a story by
+its number in the table of laws (`tdint.kernels.building.compilable.LAWS_SYMBOL`). The functions of
+the linear and the bilinear law that steps call often are part of the kernels, and so is the path of
+any other law on its present linear branch.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Container
-from functools import cache
 from typing import Any
 
 from tdint.kernels import layout as rows
-from tdint.kernels.building.compilable import FRACTURES
-from tdint.kernels.compiling import SPECIFIC, VARIANT, inline, outlined
-from tdint.kernels.laws import LAWS
-from tdint.kernels.laws.fracture import FRACTURING
-from tdint.kernels.laws.law import DriftLaw, LawFunctions
-
-_VARIANT_LAWS = {re.sub(r"@\d+", "", name) for name in VARIANT.laws}
-
-COMPILED: tuple[float, ...] = (
-    *(code for code, name in enumerate(LAWS.names()) if not _VARIANT_LAWS or name in _VARIANT_LAWS),
-    *(
-        code + FRACTURING
-        for code, name in enumerate(LAWS.names())
-        if name + FRACTURES in _VARIANT_LAWS
-    ),
+from tdint.kernels.compiling import COMPILES, inline
+from tdint.kernels.laws import LAWS, bilinear, linear
+from tdint.kernels.laws.branch_following import (
+    branch_owner,
+    move_on_branch,
+    remains_on_branch,
 )
-"""Numbers of the laws for which the kernels are compiled."""
-
-
-@cache
-def _functions(law: DriftLaw) -> LawFunctions:
-    """Return the functions of a law; cached, because `law.functions` creates them at each call."""
-    return law.functions()
-
-
-class _Codes:
-    """Container of the numbers of all laws with a property, for kernels that run in plain Python.
-
-    The property is evaluated for each test with `in`, because plug-ins can register laws later.
-    """
-
-    def __init__(self, has_property: Callable[[DriftLaw], bool]) -> None:
-        """Store the function `has_property`, which returns True for a law with the property."""
-        self.has_property = has_property
-
-    def __contains__(self, code: Any) -> bool:
-        """Return True if the law with number `code` has the property."""
-        return self.has_property(LAWS[code])
-
-
-def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
-    """Return a container of the numbers of all laws with a property.
-
-    Compiled kernels need a tuple of constants. Kernels in plain Python use a `_Codes` instead,
-    because a tuple would not contain the laws that plug-ins register later.
-    """
-    if not SPECIFIC:
-        return _Codes(has_property)
-    return tuple(float(code) for code in COMPILED if has_property(LAWS[code]))
-
-
-CURVED_LAWS = _codes(lambda law: law.curved)
-"""Numbers of the laws with curved branches."""
-
-
-# Kernels that run in plain Python contain all laws.
-HAS_CURVED_LAW = not SPECIFIC or any(LAWS[code].curved for code in COMPILED)
-"""True if a law of the variant is curved."""
-
-HAS_CURVED_FORCE = (
-    VARIANT.power_dampers or VARIANT.braces or VARIANT.tangent_damping or HAS_CURVED_LAW
+from tdint.kernels.laws.hooks import (
+    BRANCH_FIRST,
+    CURVED,
+    DISSIPATES,
+    STORES_BRANCH,
+    hooks_of,
+    properties,
 )
-"""True if a story can have a force that is not piecewise linear in its drift and velocity: a curved
-law, a power-law dashpot, a damper with a brace or tangent damping."""
 
-HAS_NONLINEAR_FORCE = HAS_CURVED_FORCE or any(LAWS[code].kinked for code in COMPILED)
-"""True if a story can have a force that is not linear in its motion."""
+if COMPILES:
+    from tdint.kernels.building.compiler import LawTable
 
-HAS_FRACTURE = not SPECIFIC or any(code % 1.0 == FRACTURING for code in COMPILED)
-"""True if a law of the variant can fracture."""
+    _table = LawTable(rows.CODE)
+    law_caller, law_properties = _table.caller, _table.properties()
+else:
 
-HAS_ELEMENTS = VARIANT.elements
-"""True if a story can have several elements (`tdint.kernels.layout.ELEMENTS`)."""
+    def law_caller(hook: str) -> Any:
+        """Return a function that calls a function of the law of a story with its arguments.
 
-_FREQUENT = 2
-"""Number of laws whose selection is inlined: linear and bilinear. The selection among the other
-laws is compiled once and called, which reduces the compile times."""
+        Parameters
+        ----------
+        hook : str
+            Name of the function (`tdint.kernels.building.compilable.HOOKS`).
+        """
+
+        def call(arguments: tuple[Any, ...]) -> Any:
+            """Call the function of the law of the story."""
+            law = LAWS[arguments[0][rows.CODE, arguments[2]]]
+            return hooks_of(law)[hook](*arguments)
+
+        return call
+
+    def law_properties(law_parameters: Any, i: int) -> int:
+        """Return the properties of the law of a story (`tdint.kernels.laws.hooks.properties`)."""
+        return properties(LAWS[law_parameters[rows.CODE, i]])
+
+
+_LINEAR, _BILINEAR = 0.0, 1.0  # numbers of the laws
+_linear, _bilinear = hooks_of(linear.LAW), hooks_of(bilinear.LAW)
+_linear_force, _bilinear_force = _linear["force"], _bilinear["force"]
+_linear_advance, _bilinear_advance = _linear["advance"], _bilinear["advance"]
+_linear_commit, _bilinear_commit = _linear["commit"], _bilinear["commit"]
+_linear_keep, _bilinear_keep = _linear["keep"], _bilinear["keep"]
+_linear_dissipation = _linear["accumulate_dissipation"]
+_bilinear_dissipation = _bilinear["accumulate_dissipation"]
+_force = law_caller("force")
+_strain_energy = law_caller("strain_energy")
+_hysteretic_energy = law_caller("hysteretic_energy")
+_accumulate_dissipation = law_caller("accumulate_dissipation")
+_keep = law_caller("keep")
+_commit = law_caller("commit")
+_enter = law_caller("enter")
+_advance = law_caller("advance")
+_switch = law_caller("switch")
+_points = law_caller("points")
+_kink = law_caller("kink")
 
 
 @inline
@@ -100,53 +84,120 @@ def elements_of(law_parameters, i):
     )
 
 
-BRANCH_STORING_LAWS = _codes(lambda law: _functions(law).keep is not None)
+@inline
+def is_curved(law_parameters, i):
+    """Return True if branches of the law in column `i` are curved."""
+    return (law_properties(law_parameters, i) & CURVED) != 0
 
-DISSIPATING_LAWS = _codes(lambda law: _functions(law).accumulate_dissipation is not None)
+
+@inline
+def stores_branch(law_parameters, i):
+    """Return True if every state of the law in column `i` contains its branch."""
+    return (law_properties(law_parameters, i) & STORES_BRANCH) != 0
 
 
-def select_function(hook: str, otherwise: Any = None) -> Any:
-    """Return a compiled function that calls the function `hook` (an attribute of `LawFunctions`) of
-    the law of a story.
+@inline
+def dissipates(law_parameters, i):
+    """Return True if the law in column `i` accumulates its dissipated energy."""
+    return (law_properties(law_parameters, i) & DISSIPATES) != 0
 
-    Laws without this function use `otherwise`, which is required unless every law has the function.
+
+@inline
+def force_of_law(law_parameters, law_state, i, previous, trial, drift):
+    """Compute the force of the law in column `i`; return the tangent stiffness, N/m."""
+    code = law_parameters[rows.CODE, i]
+    if code == _LINEAR:
+        return _linear_force(law_parameters, law_state, i, previous, trial, drift)
+    if code == _BILINEAR:
+        return _bilinear_force(law_parameters, law_state, i, previous, trial, drift)
+    if (law_properties(law_parameters, i) & BRANCH_FIRST) != 0:
+        branch_block = branch_owner(law_state, i, previous)
+        if remains_on_branch(law_state, i, branch_block, previous, drift):
+            return move_on_branch(law_state, i, branch_block, previous, trial, drift)
+    return _force((law_parameters, law_state, i, previous, trial, drift))
+
+
+@inline
+def advance_rows(law_parameters, law_state, i, block, step, mean_force):
+    """Update the rows of the law in column `i` after a movement along a linear branch."""
+    code = law_parameters[rows.CODE, i]
+    if code == _LINEAR:
+        _linear_advance(law_parameters, law_state, i, block, step, mean_force)
+    elif code == _BILINEAR:
+        _bilinear_advance(law_parameters, law_state, i, block, step, mean_force)
+    else:
+        _advance((law_parameters, law_state, i, block, step, mean_force))
+
+
+@inline
+def accumulate_dissipation_of_law(law_parameters, law_state, i, previous, trial):
+    """Store the energy that the law in column `i` has dissipated until state `trial`."""
+    code = law_parameters[rows.CODE, i]
+    if code == _LINEAR:
+        _linear_dissipation(law_parameters, law_state, i, previous, trial)
+    elif code == _BILINEAR:
+        _bilinear_dissipation(law_parameters, law_state, i, previous, trial)
+    else:
+        _accumulate_dissipation((law_parameters, law_state, i, previous, trial))
+
+
+@inline
+def keep_rows(law_parameters, law_state, i, previous, trial):
+    """Copy the rows of the law in column `i` that are not common rows to the committed state."""
+    code = law_parameters[rows.CODE, i]
+    if code == _LINEAR:
+        _linear_keep(law_parameters, law_state, i, previous, trial)
+    elif code == _BILINEAR:
+        _bilinear_keep(law_parameters, law_state, i, previous, trial)
+    else:
+        _keep((law_parameters, law_state, i, previous, trial))
+
+
+@inline
+def commit_law(law_parameters, law_state, i, previous, trial):
+    """Make a trial state of the law in column `i`, a story with a single element or an element, the
+    committed state.
     """
-    if not SPECIFIC:
-
-        def call(law_parameters, law_state, i, *arguments):
-            """Call the function `hook` of the law of story `i`, or `otherwise`."""
-            functions = _functions(LAWS[law_parameters[rows.CODE, i]])
-            function = getattr(functions, hook) or otherwise
-            return function(law_parameters, law_state, i, *arguments)
-
-        return call
-    cases: dict[float, Any] = {code: getattr(_functions(LAWS[code]), hook) for code in COMPILED}
-    rest = None if all(cases.values()) else otherwise
-    # A frequent law without the function has a case, which avoids the call for the other laws.
-    frequent = {code: case or otherwise for code, case in cases.items() if code < _FREQUENT}
-    others = {code: case for code, case in cases.items() if case and code >= _FREQUENT}
-    return _choice(inline, frequent, _choice(outlined, others, rest))
+    code = law_parameters[rows.CODE, i]
+    if code == _LINEAR:
+        _linear_commit(law_parameters, law_state, i, previous, trial)
+    elif code == _BILINEAR:
+        _bilinear_commit(law_parameters, law_state, i, previous, trial)
+    else:
+        _commit((law_parameters, law_state, i, previous, trial))
 
 
-def _choice(decorate: Any, cases: dict[float, Any], rest: Any) -> Any:
-    """Return a compiled function that calls the function in `cases` for the number of the law of
-    story `i`, and `rest` for other laws. Without `rest`, the last case has no condition.
+@inline
+def strain_energy_of_law(law_parameters, law_state, i):
+    """Return the energy that the law in column `i` stores in its committed state, J."""
+    return _strain_energy((law_parameters, law_state, i))
 
-    The function is generated as text, because compiled functions cannot have a variable number of
-    arguments.
-    """
-    codes = list(cases)
-    if rest is None and codes:
-        rest = cases[codes.pop()]
-    if not codes:
-        return rest
-    body = getattr(rest, "py_func", rest).__code__
-    arguments = ", ".join(body.co_varnames[: body.co_argcount])
-    lines = [
-        f"    if law_parameters[{rows.CODE}, i] == {code}:\n        return law_{j}({arguments})"
-        for j, code in enumerate(codes)
-    ]
-    text = "\n".join((f"def choose({arguments}):", *lines, f"    return rest({arguments})"))
-    names = {f"law_{j}": cases[code] for j, code in enumerate(codes)} | {"rest": rest}
-    exec(text, names)  # the text contains only names and numbers of this module
-    return decorate(names["choose"])
+
+@inline
+def hysteretic_energy_of_law(law_parameters, law_state, i):
+    """Return the energy that the law in column `i` has dissipated until the committed state, J."""
+    return _hysteretic_energy((law_parameters, law_state, i))
+
+
+@inline
+def enter_branch(law_parameters, law_state, i):
+    """Set the branch of the law in column `i` from its committed state."""
+    _enter((law_parameters, law_state, i))
+
+
+@inline
+def switch_branch(law_parameters, law_state, i, block, event):
+    """Set the branch of the law in column `i` that follows after an event."""
+    _switch((law_parameters, law_state, i, block, event))
+
+
+@inline
+def points_on_path(law_parameters, law_state, i, drift_change):
+    """Return the number of Gauss points of the law in column `i` on a path."""
+    return _points((law_parameters, law_state, i, drift_change))
+
+
+@inline
+def distance_to_kink(law_parameters, law_state, i, block, side):
+    """Return the drift change after which the force of the law in column `i` has a kink, m."""
+    return _kink((law_parameters, law_state, i, block, side))

@@ -494,7 +494,7 @@ def _continue_after_motion(state, series, oscillator, last_sample, dt, parts):
     return _vibrate_freely(state, series, oscillator)
 
 
-@kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), parts=(), vectorized=True)
+@kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), has_forms=False, vectorized=True)
 def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, results):
     """Compute the response of a bilinear oscillator from rest to a ground motion, and to the ground
     at rest after it. Return the number of branch changes during the ground motion, or

@@ -106,7 +106,9 @@ def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], 
 
 
 @kernel(
-    I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE), parts=(), vectorized=True
+    I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE),
+    has_forms=False,
+    vectorized=True,
 )
 def peaks(
     samples,

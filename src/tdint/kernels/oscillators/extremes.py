@@ -17,7 +17,7 @@ VALUE = 2  # signed pseudo-acceleration omega^2 u, m/s^2
 _ITERATIONS = 4
 
 
-@kernel(I8(VECTOR, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), parts=())
+@kernel(I8(VECTOR, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), has_forms=False)
 def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     """Integrate oscillators from rest over a ground motion that is linear between its samples;
     return the number of stored extrema of their displacements.
@@ -108,7 +108,7 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     return count
 
 
-@kernel(I8(TABLE, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), parts=())
+@kernel(I8(TABLE, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), has_forms=False)
 def radii(samples, dt, parts, oscillators, level, extrema, largest):
     """Integrate oscillators under two horizontal components of a ground motion from rest; return
     the number of stored local maxima of the distance from the origin.

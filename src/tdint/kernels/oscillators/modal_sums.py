@@ -361,7 +361,7 @@ _INPUT_TYPES = (VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR)
 _SCRATCH_TYPES = (TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TABLE)
 
 
-@kernel(I8(*_INPUT_TYPES, *_SCRATCH_TYPES), parts=(), vectorized=True)
+@kernel(I8(*_INPUT_TYPES, *_SCRATCH_TYPES), has_forms=False, vectorized=True)
 def largest_drifts(
     ground, parts, h, modes, shapes, static, results,
     q, rate, motion, drift, start_q, start_rate, column_maxima, column_curvatures, chunk_maxima,

@@ -141,7 +141,7 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
 
 @kernel(
     I8(VECTOR, VECTOR, F8, I8, TABLE, TABLE, I8, TABLE, TABLE, CUBE, CUBE),
-    parts=(),
+    has_forms=False,
     vectorized=True,
 )
 def rotated_peaks(

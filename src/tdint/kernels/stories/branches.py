@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.laws.branch_following import add_work, advancing
+from tdint.kernels.compiling import FULL, inline, outlined
+from tdint.kernels.laws.branch_following import advancing
 from tdint.kernels.laws.selection import (
-    CURVED_LAWS,
-    HAS_ELEMENTS,
+    advance_rows,
     elements_of,
-    select_function,
+    enter_branch,
+    is_curved,
+    switch_branch,
 )
 from tdint.kernels.linear_terms import below
 
@@ -34,7 +35,7 @@ _ROOT_TOLERANCE = 1e-10
 # the branch is a rounding error and not a reversal.
 _REVERSAL_TOLERANCE = 1e-12
 
-advance_law = advancing(select_function("advance", outlined(add_work)))
+advance_law = advancing(advance_rows)
 """(law_parameters, law_state, i, block, drift). Moves the state of the law in column `i`, a story
 with one element or an element, to `drift` (m) on its current linear branch."""
 
@@ -45,12 +46,12 @@ def advance(law_parameters, law_state, i, block, drift):
 
     The elements of a story with elements must all be on linear branches.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] == rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] == rows.ELEMENTS:
         # The elements remain behind (`synchronize`).
         step = drift - law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] += law_state[block + rows.SLOPE, i] * step
         law_state[block + rows.DRIFT, i] = drift
-    elif HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
+    elif FULL and law_parameters[rows.CODE, i] < rows.ELEMENTS:
         _advance_elements(law_parameters, law_state, i, block, drift)
     else:
         advance_law(law_parameters, law_state, i, block, drift)
@@ -86,22 +87,6 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
     advance_law(law_parameters, law_state, i, block, drift)
 
 
-@inline
-def _keep_branch(law_parameters, law_state, i):
-    """Do nothing: default of the function `enter` of a law, for laws with a single branch."""
-    pass
-
-
-@inline
-def _keep_branch_after(law_parameters, law_state, i, block, event):
-    """Do nothing: default of the function `switch` of a law, for laws with a single branch."""
-    pass
-
-
-_enter = select_function("enter", _keep_branch)
-_switch = select_function("switch", _keep_branch_after)
-
-
 @outlined
 def enter(law_parameters, law_state, i):
     """Determine the branch of story `i` from its committed state.
@@ -109,7 +94,7 @@ def enter(law_parameters, law_state, i):
     A default branch is set before the function `enter` of the law is called: it has the initial
     stiffness, or an infinite SLOPE as the mark of a curved law, no limits, and both directions.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         for element in elements_of(law_parameters, i):
             enter_law(law_parameters, law_state, element)
         sum_branches(law_parameters, law_state, i, 0)
@@ -123,14 +108,12 @@ def enter_law(law_parameters, law_state, i):
     element.
     """
     law_state[rows.SLOPE, i] = (
-        math.inf
-        if law_parameters[rows.CODE, i] in CURVED_LAWS
-        else law_parameters[rows.STIFFNESS, i]
+        math.inf if is_curved(law_parameters, i) else law_parameters[rows.STIFFNESS, i]
     )
     law_state[rows.RATE_SIGN, i] = 0.0
     law_state[rows.UPPER, i] = math.inf
     law_state[rows.LOWER, i] = -math.inf
-    _enter(law_parameters, law_state, i)
+    enter_branch(law_parameters, law_state, i)
 
 
 @outlined
@@ -143,7 +126,7 @@ def switch(law_parameters, law_state, i, block, event):
         Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
         below the lower limit) or REVERSED (the drift rate changes its sign).
     """
-    _switch(law_parameters, law_state, i, block, event)
+    switch_branch(law_parameters, law_state, i, block, event)
 
 
 # ---- Stories with several elements. The branch of the story is the sum of the branches of its
@@ -208,7 +191,7 @@ def column_of_event(law_parameters, law_state, i, event):
     branches of several elements can end, and the result is the story. The branches must not have
     changed since the event was located.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _element_of_event(law_parameters, law_state, i, event)
     return i
 

@@ -10,6 +10,7 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import (
+    FULL,
     I8,
     TABLE,
     VECTOR,
@@ -19,7 +20,6 @@ from tdint.kernels.compiling import (
     outlined,
 )
 from tdint.kernels.laws.branch_following import (
-    add_work,
     branch_follower,
     branch_owner,
     copy_state,
@@ -27,53 +27,32 @@ from tdint.kernels.laws.branch_following import (
 )
 from tdint.kernels.laws.fracture import FRACTURING
 from tdint.kernels.laws.selection import (
-    BRANCH_STORING_LAWS,
-    HAS_ELEMENTS,
+    accumulate_dissipation_of_law,
+    advance_rows,
+    commit_law,
     elements_of,
-    select_function,
+    force_of_law,
+    hysteretic_energy_of_law,
+    keep_rows,
+    stores_branch,
+    strain_energy_of_law,
 )
 from tdint.kernels.stories.branches import enter, sum_branches, switch, synchronize
 
 # Change of drift that determines the tangent in the direction of the motion, divided by the drift
 _DRIFT_OF_TANGENT = 1e-7
 
-# Each `select_function` returns a function that calls the function with this name of the law of
-# story `i`, or the default (last argument) for a law without such a function.
-_force = select_function("force")
+
+@outlined
+def _advance_rows_outlined(law_parameters, law_state, i, block, step, mean_force):
+    """Update the rows of the law in column `i` (`advance_rows`), for a caller with several
+    calls."""
+    advance_rows(law_parameters, law_state, i, block, step, mean_force)
+
 
 # Force of an element that follows its branches, in every state. The slope of the branch is the
-# tangent. Laws that a model does not use are not compiled.
-_follow_branches = branch_follower(switch, select_function("advance", outlined(add_work)))
-
-_strain_energy = select_function("strain_energy")
-
-
-@inline
-def _stored_dissipation(law_parameters, law_state, i):
-    """Return the dissipated energy of the committed state of story `i`, J, for laws that store it
-    in row DISSIPATED of the table `law_state`."""
-    return law_state[rows.DISSIPATED, i]
-
-
-_hysteretic_energy = select_function("hysteretic_energy", _stored_dissipation)
-
-
-@inline
-def _copy_dissipation(law_parameters, law_state, i, previous, trial):
-    """Copy the dissipated energy, for laws that do not accumulate it."""
-    law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
-
-
-@inline
-def _no_rows(law_parameters, law_state, i, previous, trial):
-    """Do nothing: default of the function `keep`, for laws whose states consist of the common rows
-    only."""
-    pass
-
-
-_accumulate_dissipation = select_function("accumulate_dissipation", _copy_dissipation)
-
-_keep = select_function("keep", _no_rows)
+# tangent.
+_follow_branches = branch_follower(switch, _advance_rows_outlined)
 
 
 @inline
@@ -92,13 +71,13 @@ def strain_energy(law_parameters, law_state, i):
     float
         Strain energy, J.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         synchronize(law_parameters, law_state, i, 0)
         energy = 0.0
         for element in elements_of(law_parameters, i):
-            energy += _strain_energy(law_parameters, law_state, element)
+            energy += strain_energy_of_law(law_parameters, law_state, element)
         return energy
-    return _strain_energy(law_parameters, law_state, i)
+    return strain_energy_of_law(law_parameters, law_state, i)
 
 
 @inline
@@ -117,9 +96,9 @@ def hysteretic_energy(law_parameters, law_state, i):
     float
         Dissipated energy, J.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _energy_of_elements(law_parameters, law_state, i)
-    return _hysteretic_energy(law_parameters, law_state, i)
+    return hysteretic_energy_of_law(law_parameters, law_state, i)
 
 
 @outlined
@@ -131,7 +110,7 @@ def _energy_of_elements(law_parameters, law_state, i):
     synchronize(law_parameters, law_state, i, 0)
     energy = 0.0
     for element in elements_of(law_parameters, i):
-        spent = _hysteretic_energy(law_parameters, law_state, element)
+        spent = hysteretic_energy_of_law(law_parameters, law_state, element)
         law_state[rows.ENERGY_SPENT, element] = spent - law_state[rows.INITIAL_SPENT, element]
         energy += spent
     return energy
@@ -155,13 +134,13 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     trial : int
         Block of the state at the end of the path, with the result (J) in row DISSIPATED.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         # Elements that follow their branches accumulate their energies along the path.
         if law_parameters[rows.CODE, i] < rows.ELEMENTS:
             for element in elements_of(law_parameters, i):
-                _accumulate_dissipation(law_parameters, law_state, element, previous, trial)
+                accumulate_dissipation_of_law(law_parameters, law_state, element, previous, trial)
     else:
-        _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
+        accumulate_dissipation_of_law(law_parameters, law_state, i, previous, trial)
 
 
 @inline
@@ -186,10 +165,10 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     float
         Tangent stiffness at the end of the path, N/m.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _force_of_sum(law_parameters, law_state, i, previous, trial, drift)
     law_state[trial + rows.DRIFT, i] = drift
-    return _force(law_parameters, law_state, i, previous, trial, drift)
+    return force_of_law(law_parameters, law_state, i, previous, trial, drift)
 
 
 @inline
@@ -259,7 +238,7 @@ def _force_of_elements(law_parameters, law_state, i, previous, trial, drift, on_
                 drift - law_state[rows.DRIFT, element]
             )
         else:
-            slope = _force(law_parameters, law_state, element, previous, trial, drift)
+            slope = force_of_law(law_parameters, law_state, element, previous, trial, drift)
         tangent += slope
         force += law_state[trial + rows.FORCE, element]
     law_state[trial + rows.DRIFT, i] = drift
@@ -277,7 +256,7 @@ def restoring_force_on_branches(law_parameters, law_state, i, previous, trial, d
     because an element must not change its branch before the change is located. Other laws follow
     their path as in `restoring_force`.
     """
-    if not (HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS):
+    if not (FULL and law_parameters[rows.CODE, i] < rows.ELEMENTS):
         return restoring_force(law_parameters, law_state, i, previous, trial, drift)
     return _force_of_elements(law_parameters, law_state, i, previous, trial, drift, True)
 
@@ -328,7 +307,7 @@ def commit(law_parameters, law_state, i, previous, trial):
 
     First, the dissipated energy of the trial state is stored: the energy of block `previous` plus
     the energy dissipated on the path between both states. Then the common rows and the further rows
-    of the law (`_keep`) are copied to the committed block, which starts at row 0.
+    of the law (`keep_rows`) are copied to the committed block, which starts at row 0.
 
     Parameters
     ----------
@@ -341,7 +320,7 @@ def commit(law_parameters, law_state, i, previous, trial):
     trial : int
         First row of the block with the trial state.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         # If the path has remained on the committed branch, the elements are not moved.
         if law_state[trial + rows.BRANCH_OFFSET, i] != float(rows.COMMITTED - trial):
             _commit_elements(law_parameters, law_state, i, previous, trial)
@@ -349,17 +328,6 @@ def commit(law_parameters, law_state, i, previous, trial):
         law_state[rows.FORCE, i] = law_state[trial + rows.FORCE, i]
     else:
         commit_law(law_parameters, law_state, i, previous, trial)
-
-
-@inline
-def commit_law(law_parameters, law_state, i, previous, trial):
-    """Make a trial state of the law in column `i`, a story with a single element or an element, the
-    committed state.
-    """
-    _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
-    _keep(law_parameters, law_state, i, previous, trial)
-    for row in range(rows.COMMON_ROWS):
-        law_state[row, i] = law_state[trial + row, i]
 
 
 @outlined
@@ -391,8 +359,8 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     """Make a trial state of story `i` the committed state; its dissipated energy is already
     accumulated.
 
-    The common rows and the further rows of the law (`_keep`) are copied from the trial block to the
-    committed block, which starts at row 0.
+    The common rows and the further rows of the law (`keep_rows`) are copied from the trial block to
+    the committed block, which starts at row 0.
 
     Parameters
     ----------
@@ -403,10 +371,10 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     trial : int
         First row of the block with the trial state.
     """
-    # `_keep` copies from block `trial` to the committed block. Its argument 0 (`previous`) is the
-    # committed state, the start of the path. Some laws need its drift. Therefore,
-    # `_keep` is called before the loop, which replaces this drift.
-    _keep(law_parameters, law_state, i, 0, trial)
+    # `keep_rows` copies from block `trial` to the committed block. Its argument 0 (`previous`) is
+    # the committed state, the start of the path. Some laws need its drift. Therefore, `keep_rows`
+    # is called before the loop, which replaces this drift.
+    keep_rows(law_parameters, law_state, i, 0, trial)
     for row in range(rows.COMMON_ROWS):
         law_state[row, i] = law_state[trial + row, i]
 
@@ -455,7 +423,7 @@ def step_start(flags, follows_reversal=False):
 @inline
 def columns_of_story(law_parameters, i):
     """Return the columns of the laws of story `i`, one for each element."""
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return elements_of(law_parameters, i)
     return range(i, i + 1)
 
@@ -503,14 +471,14 @@ def resume(law_parameters, law_state, i):
     i : int
         Index of the story.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         # Piecewise-linear elements without curved elements store their branches.
         if law_parameters[rows.CODE, i] < rows.ELEMENTS:
             for element in elements_of(law_parameters, i):
-                if law_parameters[rows.CODE, element] not in BRANCH_STORING_LAWS:
+                if not stores_branch(law_parameters, element):
                     enter(law_parameters, law_state, element)
             sum_branches(law_parameters, law_state, i, 0)
-    elif law_parameters[rows.CODE, i] not in BRANCH_STORING_LAWS:
+    elif not stores_branch(law_parameters, i):
         enter(law_parameters, law_state, i)
 
 
@@ -525,10 +493,10 @@ def start(law_parameters, law_state, i, drift):
     restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
     commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
     resume(law_parameters, law_state, i)
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         synchronize(law_parameters, law_state, i, 0)
         for element in elements_of(law_parameters, i):
-            law_state[rows.INITIAL_SPENT, element] = _hysteretic_energy(
+            law_state[rows.INITIAL_SPENT, element] = hysteretic_energy_of_law(
                 law_parameters, law_state, element
             )
             law_state[rows.PEAK_FORCE, element] = abs(law_state[rows.FORCE, element])
@@ -562,7 +530,7 @@ HYSTERETIC_ENERGY = 3
 RESULT_COLUMNS = 4
 
 
-@kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws", "elements"))
+@kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE))
 def follow(law_parameters, i, drifts, law_state, result):
     """Compute forces and energies of story `i` along a path of drifts, for example a cyclic test.
 

@@ -28,15 +28,14 @@ from pathlib import Path
 import numpy as np
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.laws.branch_following import MAX_BRANCHES, copy_state
 from tdint.kernels.laws.selection import (
-    CURVED_LAWS,
-    DISSIPATING_LAWS,
-    HAS_CURVED_LAW,
-    HAS_ELEMENTS,
+    dissipates,
+    distance_to_kink,
     elements_of,
-    select_function,
+    is_curved,
+    points_on_path,
 )
 from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories.branches import advance_law, sum_branches, switch, synchronize
@@ -76,9 +75,6 @@ _OPPOSITE_RATE = 1e-12
 # this drift, as a fraction of |rise| + |bend|
 _SHIFT = 1e-6
 MAX_POINTS = 16  # maximum number of Gauss points in a single part of the path
-# Number of Gauss points for laws that do not specify a number; the maximum in a single part of the
-# path
-_DEFAULT_POINTS = 16.0
 # Maximum number of Gauss points on a path. If Newton's method diverges, the change of drift is
 # large and laws would request millions of points.
 _MAX_POINTS = 32e3
@@ -107,16 +103,6 @@ NODES, WEIGHTS = _gauss()
 
 
 @inline
-def _default_points(law_parameters, law_state, i, drift_change):
-    """Return the number of Gauss points for curved laws that do not specify a number (`points` in
-    `LawFunctions`)."""
-    return _DEFAULT_POINTS
-
-
-_points = select_function("points", _default_points)
-
-
-@inline
 def required_points(law_parameters, law_state, i, drift_change):
     """Return the minimum number of Gauss points on a path whose length, or an upper bound of it, is
     `drift_change` (m); not necessarily an integer.
@@ -125,17 +111,7 @@ def required_points(law_parameters, law_state, i, drift_change):
     or nan. It is limited to _MAX_POINTS because a diverging Newton iteration can produce an
     unrealistic change of drift.
     """
-    return min(max(1.0, _points(law_parameters, law_state, i, drift_change)), _MAX_POINTS)
-
-
-@inline
-def _no_kink(law_parameters, law_state, i, block, side):
-    """Return infinity, the distance to a kink of the force, for laws without a function `kink`
-    (`LawFunctions`)."""
-    return math.inf
-
-
-_distance_to_kink = select_function("kink", _no_kink)
+    return min(max(1.0, points_on_path(law_parameters, law_state, i, drift_change)), _MAX_POINTS)
 
 
 @inline
@@ -345,7 +321,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
         First of PATH_ROWS scratch rows; the first six receive the results. For a story with
         elements, they also receive the results of the elements in their columns.
     """
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         _integrate_elements(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out)
     else:
         _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out)
@@ -390,7 +366,7 @@ def _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, 
             1.0 if no_reversal else time_of_extremum(story_path),
             results,
         )
-    elif law_parameters[rows.CODE, i] in DISSIPATING_LAWS:
+    elif dissipates(law_parameters, i):
         _integrate_hysteretic(law_parameters, law_state, i, story_path, results)
     else:
         # The rate of the path is at most |rise| + |bend| / 2, at t = 0 or t = 1: an upper bound of
@@ -403,7 +379,7 @@ def _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, 
 def commit_path_end(law_parameters, law_state, i, rise):
     """Commit the state at the end of the path of the last call of `follow`, at the committed drift
     plus `rise`."""
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         for element in elements_of(law_parameters, i):
             _commit_law_at_path_end(law_parameters, law_state, element, rise)
         law_state[rows.DRIFT, i] += rise
@@ -416,7 +392,7 @@ def commit_path_end(law_parameters, law_state, i, rise):
 def force_at_path_end(law_parameters, law_state, i, rise):
     """Return force (N) and tangent stiffness (N/m) of story `i` at the end of the path of the last
     call of `follow`, at the committed drift plus `rise`."""
-    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         force = tangent = 0.0
         for element in elements_of(law_parameters, i):
             part, slope = _law_at_path_end(law_parameters, law_state, element, rise)
@@ -432,7 +408,7 @@ def _law_at_path_end(law_parameters, law_state, i, rise):
     if is_piecewise_linear(law_parameters, i):
         first = rows.FIRST_TRIAL
         return law_state[first + rows.FORCE, i], law_state[first + rows.SLOPE, i]
-    previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING_LAWS else 0
+    previous = rows.FIRST_TRIAL if dissipates(law_parameters, i) else 0
     tangent = restoring_force_outlined(
         law_parameters, law_state, i, previous, rows.SECOND_TRIAL, law_state[rows.DRIFT, i] + rise
     )
@@ -447,7 +423,7 @@ def _commit_law_at_path_end(law_parameters, law_state, i, rise):
         return
     # A hysteretic law starts from the last Gauss point, which `follow` has stored in FIRST_TRIAL.
     # An elastic law starts from the committed state, because its force depends on the drift only.
-    previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING_LAWS else 0
+    previous = rows.FIRST_TRIAL if dissipates(law_parameters, i) else 0
     restoring_force_outlined(
         law_parameters, law_state, i, previous, rows.SECOND_TRIAL, law_state[rows.DRIFT, i] + rise
     )
@@ -464,12 +440,12 @@ def is_piecewise_linear(law_parameters, i):
     Its path is integrated like the path of a curved law, because it can end on a curved branch.
     All elements of a story with elements must be piecewise linear.
     """
-    if HAS_CURVED_LAW and HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+    if FULL and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         for element in elements_of(law_parameters, i):
-            if law_parameters[rows.CODE, element] in CURVED_LAWS:
+            if is_curved(law_parameters, element):
                 return False
         return True
-    return not HAS_CURVED_LAW or law_parameters[rows.CODE, i] not in CURVED_LAWS
+    return not is_curved(law_parameters, i)
 
 
 @inline
@@ -804,7 +780,7 @@ def _integrate_divided(law_parameters, law_state, i, previous, segment, results)
     # Change of drift from the state in `previous` to the kink, m. This state is at `start_drift`.
     # Only for the difference quotient after a reversal, it differs by the shift of the reversal
     # (`_integrate_hysteretic`), which is negligible.
-    kink_distance = _distance_to_kink(law_parameters, law_state, i, previous, side)
+    kink_distance = distance_to_kink(law_parameters, law_state, i, previous, side)
     if kink_distance < drift_change:
         count = required_points(law_parameters, law_state, i, kink_distance)
         duration = time_to(start_drift + side * kink_distance, segment, begin, side)

@@ -15,12 +15,8 @@ and internal forces of the stories are the same under both, except for the error
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.linear_terms import (
-    MODAL,
-    POWER_DAMPERS,
-    TANGENT_DAMPING,
-    TREE,
     add_modal_force,
     base_of,
     below_next,
@@ -355,7 +351,7 @@ def _bound_deviations(scene, h, state, observer_state):
         observer_state[rows.VELOCITY_BOUND, i] = bound
         observer_state[rows.MODAL_DEVIATION, i] = 0.0
     tie(linear_terms, observer_state, rows.VELOCITY_BOUND)
-    if MODAL:
+    if FULL:
         for j in range(modal.shape[0]):
             amplitude = 0.0
             for i in range(n):
@@ -371,10 +367,10 @@ def _bound_deviations(scene, h, state, observer_state):
         velocity = observer_state[rows.VELOCITY_BOUND, i]
         rate = velocity + link * observer_state[rows.VELOCITY_BOUND, below]
         coefficient = linear_terms[rows.STORY_DAMPER, i]
-        if TANGENT_DAMPING:
+        if FULL:
             coefficient += linear_terms[rows.TANGENT_DAMPING, i] * law_parameters[rows.STIFFNESS, i]
         story = coefficient * rate
-        if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        if FULL and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             # A change of the rate by d changes the force by at most twice the force at d if the
             # exponent is at most 1, otherwise by d times the larger derivative.
             start = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
@@ -453,7 +449,7 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
             * (jump - linear_terms[rows.LINK, i] * below)
         )
         totals[rows.RATE_DASHPOTS] += change
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             observer_state[rows.DASHPOT_RATE, i] += change
     # START_FORCE contains the tables only. The harmonic forces are first.
     for j in range(forces.shape[0]):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.building.compilable import PARTS
-from tdint.kernels.compiling import F8, I8, VECTOR, inline, kernel, outlined
-from tdint.kernels.linear_terms import FORCES
+from tdint.kernels.compiling import F8, FULL, I8, VECTOR, inline, kernel, outlined
 from tdint.kernels.located_peaks import UPDATE_LOCATED_PEAKS
 from tdint.kernels.stepping import (
     MEMORY,
@@ -64,10 +62,6 @@ INTEGRATE = I8(
     *SEEN,
 )
 
-_PARTS = tuple(name for name in PARTS if name not in ("laws", "modal"))
-"""Features of the variant on which the loops depend: without them, a step takes up to 10 % less
-time. The laws and the methods have separate kernels."""
-
 OVERFLOW = 1e300
 """Dimensionless. Minimum relative residual for which a step that did not converge is treated as
 divergence."""
@@ -117,7 +111,7 @@ def observe_span(update_located_peaks, scene, points, span, slope, memory, seen)
     `slope` is the rate of the ground acceleration, m/s^3.
     """
     may_exceed = observe(scene, span, slope, memory, seen)
-    if FORCES and span.kinked and (may_exceed or span.cornered):
+    if FULL and span.kinked and (may_exceed or span.cornered):
         raise_peaks_in_parts(scene, points, span, memory, seen)
     observe_within_step(update_located_peaks, may_exceed, scene, span, memory, seen)
     store_step_start(scene.flags, memory.law_state)
@@ -168,7 +162,7 @@ def _fit_ground(ground, position, step_ratio, load):
         load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line(ground, substep_start, substep_end)
 
 
-@kernel(INTEGRATE, parts=_PARTS)
+@kernel(INTEGRATE)
 def integrate(
     steps,
     first_step,
@@ -258,7 +252,7 @@ def integrate(
     # (`stride` > 1).
     ground_0 = ground_at(ground, first_step, per_sample, stride)
     if first_step == 0:
-        if FORCES:
+        if FULL:
             initialize_lines(forces, points)
         start(initialize_laws, sum_law_energies, scene, ground_0, memory, seen)
         if history.shape[0] > 0:
@@ -294,7 +288,7 @@ def integrate(
                 )
             # The lines of the tables of forces change the accelerations at the start.
             is_kinked = (
-                FORCES
+                FULL
                 and points.size > 0
                 and start_step(scene, points, substep_fraction * h, load, shifts, memory, seen)
             )

@@ -17,15 +17,18 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, kernel, outlined
-from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
+from tdint.kernels.compiling import (
+    FULL,
+    I8,
+    TABLE,
+    VECTOR,
+    indirect_caller,
+    inline,
+    kernel,
+    outlined,
+)
+from tdint.kernels.laws.selection import elements_of
 from tdint.kernels.linear_terms import (
-    BRACES,
-    FORCES,
-    LINKS,
-    MODAL,
-    TANGENT_DAMPING,
-    TREE,
     above,
     add_modal_force,
     base_of,
@@ -96,14 +99,14 @@ def observe(scene, span, slope, memory, seen):
     observer_state, peaks, _, _, _ = seen
     ground = span.ground_1
     n = linear_terms.shape[1] - 1
-    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+    if FULL and forces.shape[0] + modal.shape[0] > 0:
         _store_additional_forces(modal, forces, span.t, state, observer_state, n)
-    if (BRACES or TANGENT_DAMPING) and flags[rows.HAS_BRACES] != 0.0:
+    if FULL and flags[rows.HAS_DAMPER_STATE] != 0.0:
         _store_brace_forces(scene, state, observer_state)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
     # The bounds include tables (rows START_FORCE and DEVIATION_BOUND), but not harmonic forces
     # within the step; with these, all steps are searched. Harmonic forces precede tables.
-    has_forces = FORCES and forces.shape[0] > 0
+    has_forces = FULL and forces.shape[0] > 0
     may_exceed = has_forces and forces[0, rows.POINTS] == 0.0
     # Sums over all floors and stories (`_update_energies`)
     momentum = 0.0
@@ -133,7 +136,7 @@ def observe(scene, span, slope, memory, seen):
     # + h^2 A / 20.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
     excess = 0.05 * span.h * span.h  # h^2 / 20, s^2
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         _clear_tree_sums(observer_state, n)
     last = max(n - 1, 0)
     # With a decreasing `range`, the compiler would not know that `i` is not negative, and would
@@ -142,7 +145,7 @@ def observe(scene, span, slope, memory, seen):
     while i > 0:
         i -= 1
         next_story, base = min(i + 1, last), base_of(linear_terms, i)
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             v = state[rows.VELOCITY, i]
             u_0 = observer_state[rows.U_PREVIOUS, i]
             v_0 = observer_state[rows.V_PREVIOUS, i]
@@ -177,14 +180,14 @@ def observe(scene, span, slope, memory, seen):
             )
             - ground
         )
-        if LINKS and upper_of(linear_terms, i) != i:
+        if FULL and upper_of(linear_terms, i) != i:
             a = 0.0  # the floor at the end of the link accelerates, not its column
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
         floor_damping_above += floor_damping
-        if MODAL:
+        if FULL:
             floor_damping_above += observer_state[rows.MODAL_FORCE, i]
         total_shear = story_force + floor_damping_above
-        if LINKS and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             # Links transmit a part of the shear: sum of load minus inertia instead of forces
             floor_damping_above = observer_state[rows.DAMPING_ON, i] - mass * (a + ground)
             floor_damping_above += (
@@ -197,7 +200,7 @@ def observe(scene, span, slope, memory, seen):
         # are not used by the bounds, so any values are allowed.
         floor = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor, peaks, i)
-        if not (TREE and is_tree(linear_terms)):
+        if not (FULL and is_tree(linear_terms)):
             may_exceed |= may_exceed_story_peaks(
                 reach_above,
                 excess * abs(a_above - link_above * a),
@@ -257,7 +260,7 @@ def observe(scene, span, slope, memory, seen):
             observer_state[rows.VISCOUS_FACTOR, i] = (
                 floor_damping + story_damping - story_factor_above
             )
-            if LINKS and upper_of(linear_terms, i) != i:
+            if FULL and upper_of(linear_terms, i) != i:
                 observer_state[rows.VISCOUS_FACTOR, i] = 0.0
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
@@ -267,11 +270,11 @@ def observe(scene, span, slope, memory, seen):
         inertia_above *= link
         bulge_above *= link
         story_factor_above = link * story_damping
-        if LINKS and upper_of(linear_terms, i) != i:
+        if FULL and upper_of(linear_terms, i) != i:
             floor = upper_of(linear_terms, i)
             observer_state[rows.FORCE_ON, floor] -= story_force
             observer_state[rows.FACTOR_ON, floor] -= story_damping
-        if TREE and is_tree(linear_terms) and base != i:
+        if FULL and is_tree(linear_terms) and base != i:
             observer_state[rows.FORCE_ON, base] += story_force_above
             observer_state[rows.DAMPING_ON, base] += floor_damping_above
             observer_state[rows.INERTIA_ON, base] += inertia_above
@@ -281,7 +284,7 @@ def observe(scene, span, slope, memory, seen):
         u_0, v_0, a_0 = u_0_below, v_0_below, a_0_below
     # The drift acceleration of the lowest story is the acceleration of floor 1.
     stiffness = law_parameters[rows.STIFFNESS, 0]
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         tie(linear_terms, observer_state, rows.OBSERVED_ACCELERATION)
         may_exceed |= _may_exceed_tree_peaks(scene, span, memory, seen)
     else:
@@ -292,11 +295,11 @@ def observe(scene, span, slope, memory, seen):
     _update_energies(scene, span, slope, sums, memory, seen)
     if flags[rows.HAS_DASHPOTS] != 0.0:
         may_exceed |= _observe_dashpots(span, linear_terms, memory, seen)
-    if HAS_ELEMENTS and law_state.shape[1] > n + 1:
+    if FULL and law_state.shape[1] > n + 1:
         may_exceed |= _observe_elements(span, scene, memory, seen)
     if flags[rows.CAN_FRACTURE] != 0.0:
         may_exceed |= has_fractured(law_parameters, law_state)
-    if (BRACES or TANGENT_DAMPING) and flags[rows.HAS_BRACES] != 0.0:
+    if FULL and flags[rows.HAS_DAMPER_STATE] != 0.0:
         _observe_braces(linear_terms, state, seen)
     if may_exceed:
         _update_peaks(ground, state, law_state, seen)
@@ -399,7 +402,7 @@ def _update_energies(scene, span, slope, sums, memory, seen):
     if flags[rows.OWN_WORK] == 0.0:
         power = -span.ground_1 * momentum
         rate = -span.ground_1 * inertia
-        if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        if FULL and forces.shape[0] + modal.shape[0] > 0:
             additional = _additional_powers(
                 modal, forces, span.t, memory.state, seen.observer_state, n
             )
@@ -466,7 +469,7 @@ def _observe_dashpots(span, linear_terms, memory, seen):
         half_derivative = linear_force + 0.5 * (dashpot_force + dashpot_tangent * rate)
         story_power_rate = 2.0 * half_derivative * ends.a1
         power_rate += story_power_rate
-        if TREE and is_tree(linear_terms):
+        if FULL and is_tree(linear_terms):
             change = observer_state[rows.DASHPOT_RATE, i] - story_power_rate
             observer_state[rows.DASHPOT_WORK, i] += _work(
                 h, observer_state[rows.DASHPOT_POWER, i], story_power, change
@@ -717,12 +720,12 @@ def shift_ground(scene, load, shifts, memory, seen):
     # The rows *_PER_ACCELERATION contain half of the change of a rate per unit change of a.
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
-    if TREE and is_tree(linear_terms):
+    if FULL and is_tree(linear_terms):
         for i in range(n):
             observer_state[rows.DASHPOT_RATE, i] += (
                 2.0 * shift * (1.0 - linear_terms[rows.LINK, i])
             ) * observer_state[rows.DASHPOT_FACTOR, i]
-    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+    if FULL and forces.shape[0] + modal.shape[0] > 0:
         rate, half_viscous_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
         totals[rows.RATE_INPUT] += shift * rate
         totals[rows.RATE_VISCOUS] += 2.0 * shift * half_viscous_rate
@@ -895,7 +898,7 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
     )
 
 
-@kernel(INITIALIZE_LAWS, parts=("laws", "elements", "tree", "links"))
+@kernel(INITIALIZE_LAWS)
 def initialize_laws(linear_terms, law_parameters, state, law_state):
     """Move the hysteretic laws of all stories from zero drift to their initial drifts; return 0."""
     displacement_below = 0.0
@@ -913,7 +916,7 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
     return 0
 
 
-@kernel(SUM_LAW_ENERGIES, parts=("laws", "elements"))
+@kernel(SUM_LAW_ENERGIES)
 def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     """Store the kinetic, strain and hysteretic energy of the current state in `totals`, J; return
     0.

@@ -7,14 +7,15 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from tdint.kernels.building.compilable import EVERYTHING, Variant
+from tdint.kernels.building.compilable import EVERYTHING, FULL, PLAIN, Variant
 from tdint.kernels.building.load_or_compile import (
     compile_ahead,
     interpret_while_compiling,
 )
 from tdint.kernels.compiling import Kernel
+from tdint.kernels.laws import OURS
+from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.stories.law_state import follow
-from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import catalogue, method_of, parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import Model
@@ -54,21 +55,12 @@ def _other_kernels(
     return other_kernels
 
 
-_MAX_INTERPRETED_SIZE = 180_000
-"""Maximum number of time steps times floors (including the ground) for which a run without
-compilation is faster. Compilation takes 7 to 24 s. This number takes 5 s with impulse4 (26 to 28 us
-per step and floor) and 10 s with the slowest method (rk5, 55 us).
-"""
-
-
-def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], steps: int) -> bool:
-    """Return True if a run executes its time loops in plain Python because they are not compiled
+def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator]) -> bool:
+    """Return True if a run starts with time loops in plain Python because they are not compiled
     yet.
 
     Another process compiles the loops at the same time
-    (`tdint.kernels.building.load_or_compile.interpret_while_compiling`). The result is always False
-    with power-law dashpots, braces of dampers and tangent damping, because their iterations need
-    fifteen times the time.
+    (`tdint.kernels.building.load_or_compile.interpret_while_compiling`).
 
     Parameters
     ----------
@@ -76,14 +68,8 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
         Method of the run and method of its error estimate.
     """
     building = prepared.building
-    if (
-        steps * (building.stories + 1) > _MAX_INTERPRETED_SIZE
-        or building.power_damped
-        or building.braced
-        or building.tangent_damped
-        or building.system is not None  # needs no kernels
-        or unsupported_reason(methods[0], building)
-    ):
+    # Models of matrices need no kernels.
+    if building.system is not None or unsupported_reason(methods[0], building):
         return False
     loop_kernels = dict.fromkeys(
         item for method in methods for item in kernels(method, prepared.variant)
@@ -97,8 +83,7 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
 
 
 def all_kernels() -> list[tuple[Kernel, Variant]]:
-    """Return all kernels, each in the variant for all buildings, and the loops for buildings
-    without forces on floors, dashpots, elements and tangent damping."""
+    """Return all kernels in both forms, with all laws that cannot fracture."""
     # Imported here, because a run does not need these kernels.
     from tdint.kernels.oscillators.bilinear import bilinear_response
     from tdint.kernels.oscillators.elastic import peaks
@@ -106,20 +91,15 @@ def all_kernels() -> list[tuple[Kernel, Variant]]:
     from tdint.kernels.oscillators.modal_sums import largest_drifts
     from tdint.kernels.oscillators.rotated import rotated_peaks
 
-    steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
-    others = (
-        follow,
-        peaks,
-        extremes,
-        radii,
-        rotated_peaks,
-        largest_drifts,
-        bilinear_response,
-    )
-    plain = Variant(
-        forces=False, power_dampers=False, elements=False, braces=False, tangent_damping=False
-    )
-    return [*steps, *((kernel, EVERYTHING) for kernel in others), (integrate, plain)]
+    laws = compiled_laws(range(OURS))
+    forms = [Variant(form, laws) for form in (PLAIN, FULL)]
+    steps = [item for name in catalogue() for form in forms for item in kernels(parse(name), form)]
+    others = (peaks, extremes, radii, rotated_peaks, largest_drifts, bilinear_response)
+    return [
+        *steps,
+        *((follow, form) for form in forms),
+        *((kernel, EVERYTHING) for kernel in others),
+    ]
 
 
 def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:

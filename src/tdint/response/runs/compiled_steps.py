@@ -8,10 +8,11 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from tdint.errors import AnalysisError
-from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.compilable import PLAIN, Variant
 from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws import LAWS
+from tdint.kernels.laws import LAWS, LINEAR
+from tdint.kernels.laws.compiled import CompiledLaw, compiled_laws
 from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
@@ -20,15 +21,7 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.system import cache_subfolder
 
-LINEAR_OSCILLATORS = Variant(
-    laws=("linear",),
-    modal=False,
-    forces=False,
-    power_dampers=False,
-    elements=False,
-    braces=False,
-    tangent_damping=False,
-)
+LINEAR_OSCILLATORS = Variant(PLAIN, compiled_laws([LINEAR]))
 """Variant of the kernels for linear oscillators."""
 
 LOOP_KERNELS = (initialize_laws, sum_law_energies, update_located_peaks)
@@ -99,12 +92,8 @@ def _validate(integrator: Integrator, *, energies: bool) -> None:
 
 def _accumulates_energy(variant: Variant) -> bool:
     """Return True if the steps of a variant must accumulate the dissipated energy of a law."""
-    names = {name.partition("@")[0] for name in variant.laws}  # empty for all laws
-    return any(
-        law.functions().accumulate_dissipation is not None
-        for law in LAWS
-        if not names or law.name in names
-    )
+    codes = [law.code for law in variant.laws if isinstance(law, CompiledLaw)]
+    return any(LAWS[code].functions().accumulate_dissipation for code in codes)
 
 
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
@@ -146,10 +135,10 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
             f"{integrator.label} does not support dampers with a brace; use one of "
             f"{_methods(lambda other: other.method.braces)}, or omit `brace` from the dashpots"
         )
-    is_braced = building.braced or building.tangent_damped
-    needed = "braced_devices" if is_braced else "devices"
+    needed = "braced_devices" if building.has_damper_state else "devices"
     if building.branched and not getattr(integrator.family, needed):
-        of_dampers = " with braces of dampers or tangent damping" if is_braced else ""
+        with_state = building.has_damper_state
+        of_dampers = " with braces of dampers or tangent damping" if with_state else ""
         return (
             f"{integrator.label} does not support attachments and links{of_dampers}; use one of "
             f"{_methods(lambda other: getattr(other.family, needed))}"

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant, bind
 from tdint.kernels.building.load_or_compile import (
     load_or_compile,
+    use_compiled_kernels,
 )
 from tdint.kernels.laws import OURS
 from tdint.kernels.stepping import Scene
@@ -667,9 +668,7 @@ class PreparedBuilding:
             from tdint.response.runs.linear_loop import LinearLoop
 
             return LinearLoop(building, self.loads, h, ground, space)
-        call = bind(
-            integrate.variant(self.variant),
-            *(kernel.variant(self.variant) for kernel in (integrator.family.step, *LOOP_KERNELS)),
+        fixed = (
             space.steps_per_row,
             space.rows_before,
             HALVINGS if integrator.family.halvable else 0,
@@ -690,8 +689,22 @@ class PreparedBuilding:
             *space.seen,
         )
 
+        def bound() -> tuple[Any, Any]:
+            """Return the time loop, and the time loop with the constant arguments."""
+            step, *others = (
+                kernel.variant(self.variant) for kernel in (integrator.family.step, *LOOP_KERNELS)
+            )
+            function = integrate.variant(self.variant)
+            return function, bind(function, step, *others, *fixed)
+
+        function, call = bound()
+
         def integrate_steps(steps: Steps, first: int, last: int) -> int:
             """Integrate the steps from `first` to `last` - 1 of `steps`."""
+            nonlocal function, call
+            use_compiled_kernels()
+            if integrate.variant(self.variant) is not function:  # compiled in the meantime
+                function, call = bound()
             code: int = call(steps.count, first, last, steps.per_sample, steps.stride)
             return code
 
