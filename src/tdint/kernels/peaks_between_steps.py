@@ -708,12 +708,17 @@ def _raise_absolute_peak(span, by_h, quantity, dashpots, scene, targets, i):
     bulge = acceleration_bulge(by_h, ends) - forces[2]
     count = 0
     if may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peaks[peak_row, i]):
-        cubic = absolute_0, absolute_1, bulge, forces[3]
-        is_located = scene.flags[rows.LINEAR] == 0.0
-        s = _raise_peak_of_cubic(span, ends, cubic, peaks, peak_row, i, is_located)
-        if s > 0.0:
-            table[instants, i] = s
-            count = 1
+        # The forces have the same weight as the motion: a cubic with the complete tilt of the
+        # forces, but not of the accelerations that they cause, would have a too large extremum.
+        tilt = acceleration_tilt(by_h, ends) - forces[3]
+        weight = tilt_weight(bulge, tilt)
+        if weight > 0.0:
+            cubic = absolute_0, absolute_1, weight * bulge, weight * tilt
+            is_located = scene.flags[rows.LINEAR] == 0.0
+            s = _raise_peak_of_cubic(span, ends, cubic, peaks, peak_row, i, is_located)
+            if s > 0.0:
+                table[instants, i] = s
+                count = 1
     return count
 
 
@@ -722,16 +727,11 @@ def _raise_peak_of_cubic(span, ends, cubic, peaks, peak_row, i, is_located):
     """Raise a peak by the extremum of a cubic inside the step, or return the location of the
     extremum if `is_located` (0 without such an extremum).
 
-    `cubic` contains the values at both endpoints, the bulge, and the tilt of the forces on floors.
-    The forces have the same weight w as the motion: a cubic with the complete tilt of the forces,
-    but not of the accelerations that they cause, would have a too large extremum.
+    `cubic` contains the values at both endpoints, and bulge and tilt times their weight.
     """
-    absolute_0, absolute_1, bulge, tilt_of_forces = cubic
+    absolute_0, absolute_1, bulge, tilt = cubic
     peak = peaks[peak_row, i]
-    tilt = acceleration_tilt(1.0 / span.h, ends) - tilt_of_forces
-    weight = tilt_weight(bulge, tilt)
-    bulge, tilt = weight * bulge, weight * tilt
-    if weight == 0.0 or max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) <= peak:
+    if max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) <= peak:
         return 0.0
     scale = abs(absolute_0) + abs(absolute_1)
     is_resolved = resolves_motion(span, ends) and is_near_line(bulge, tilt, scale)
