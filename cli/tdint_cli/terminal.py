@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Any, TypeVar
 
 import click
@@ -26,7 +27,7 @@ from tdint.errors import (
     abridged,
     write_out_controls,
 )
-from tdint.files import is_folder
+from tdint.files import is_file, is_folder
 from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.number_parsing import abbreviate
 from tdint.response.defaults import NO_METHOD
@@ -77,7 +78,9 @@ def is_debug() -> bool:
 _EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor on a terminal
 # A library argument in backticks, with or without its value, such as `skip_lines=1`. The groups are
 # its name and its value.
-_SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines|rows)(?:=([^`]*))?`")
+_SETTING = re.compile(
+    r"`(units|component|inventory|step|column|skip_lines|rows|one_sided)(?:=([^`]*))?`"
+)
 
 
 def emit(data: bytes) -> None:
@@ -191,7 +194,7 @@ def complain(text: str, settings: Settings | None = None) -> None:
         option = f"--{name.replace('_', '-')}"
         if option not in settings.options:
             # A switch has no value in a message, and the value true in a file.
-            value = value or ("true" if name == "rows" else None)
+            value = value or ("true" if name in ("rows", "one_sided") else None)
             return f"`{name}: {value}`" if value else match[0]
         return f"{option} {shlex.quote(value)}" if value else option
 
@@ -385,7 +388,8 @@ def _line_with(missing: Missing, files: Sequence[str]) -> str:
     arguments, words = list(settings.arguments), list[str]()
     has_units = any(word.partition("=")[0] == "--units" for word in arguments)
     words += ["--step", "0.01"] if missing.step else []
-    words += ["--units", missing.units] if missing.units and not has_units else []
+    if missing.units and not has_units:
+        words += ["--units", _units_of(missing.units, files, arguments)]
     words += ["--column", missing.columns[0]] if missing.columns else []
     words += ["--skip-lines", str(missing.skip_lines)] if missing.skip_lines else []
     if not (words and arguments):
@@ -402,6 +406,22 @@ def _line_with(missing: Missing, files: Sequence[str]) -> str:
         line += f", then {shlex.join(['tdint', *rest])}"
     rows = " (or --rows in place of --column)" if missing.rows and missing.columns else ""
     return f". For example: {line}{rows}"
+
+
+_FILES_WITH_UNITS = 3  # files that an example names; more files are named by their suffixes
+
+
+def _units_of(units: str, files: Sequence[str], arguments: Sequence[str]) -> str:
+    """Return the value of --units of an example: the units of all files, or by file if the command
+    also reads other files, which may state their units."""
+    models = (".yaml", ".yml")
+    others = [w for w in arguments if w not in files and is_file(w) and not w.endswith(models)]
+    if not others and all(file in arguments for file in files):
+        return units
+    names = [PurePath(file).name for file in files]
+    if len(files) > _FILES_WITH_UNITS:
+        names = sorted({f"*{PurePath(file).suffix or PurePath(file).name}" for file in files})
+    return ",".join(f"{name}={units}" for name in names)
 
 
 def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:

@@ -9,13 +9,13 @@ import csv
 import io
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from itertools import chain, islice, zip_longest
+from itertools import chain, dropwhile, islice, zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, overload
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple, overload
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, read_whole, record_digest
@@ -258,6 +258,18 @@ class CsvTable:
         )
 
 
+class Header(NamedTuple):
+    """Header of a table: number of its line, separator of the cells, and names of the columns."""
+
+    line: int
+    separator: str
+    titles: list[str]
+
+
+FindHeader = Callable[[Sequence[str]], Header | None]
+"""Function of the lines of a file that returns its header, or None if it finds none."""
+
+
 class TextColumn(Sequence[str]):
     """Texts of a column of a large table.
 
@@ -388,6 +400,7 @@ def read_table(
     columns: Collection[str] | None = None,
     comment: str = "",
     error: type[TdintError] = ModelError,
+    find_header: FindHeader | None = None,
 ) -> CsvTable:
     """Read a CSV file (`-` is standard input) with a header.
 
@@ -395,7 +408,8 @@ def read_table(
     ...`. The names of the columns that will be read must be unique, by default all. `comment`
     contains the first characters of comment lines above the header, as in files of OpenQuake; empty
     if such lines are not allowed. The cells are separated by tabs, semicolons or commas
-    (`_SEPARATORS`).
+    (`_SEPARATORS`). `find_header` finds a header below titles or with another separator; the first
+    line is the header if it finds none.
 
     Raises
     ------
@@ -410,6 +424,7 @@ def read_table(
         comment=comment,
         error=error,
         read_first=True,
+        find_header=find_header,
     )
     return replace(table, rows=tuple(rows))
 
@@ -422,6 +437,7 @@ def stream_table(
     comment: str = "",
     error: type[TdintError] = ModelError,
     read_first: bool = False,
+    find_header: FindHeader | None = None,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
     """Open a CSV file with a header as by `read_table`, and read each row on demand without storing
     it. Return the table without rows, and the line number and cells of each row.
@@ -437,6 +453,7 @@ def stream_table(
     # A pipe cannot be read again, but its digest and its rows are both needed. Therefore its
     # complete content is read into memory first.
     mark, digest = ",", ""
+    found: Header | None = None
     if read_first or source == STDIN or not is_file(source):
         data = _read_bytes(source, needs, error)
         lines = (line.decode("utf-8", "replace") for line in io.BytesIO(data))
@@ -446,6 +463,8 @@ def stream_table(
         if read_first:
             marks = (mark for mark in _SEPARATORS if mark in header_text)
             mark = max(marks, key=header_text.count, default=",")
+        if find_header and (found := find_header(data.decode("utf-8-sig", "replace").splitlines())):
+            mark = found.separator
         digest = sha256(data).hexdigest()
         rows = _stream_rows(source, io.BytesIO(data), error, mark)
     else:
@@ -456,6 +475,9 @@ def stream_table(
     header_line, header = next(rows, (0, []))
     while comment and header and header[0].lstrip().startswith(comment):
         header_line, header = next(rows, (0, []))
+    if found:
+        header_line, header = found.line, found.titles
+        rows = dropwhile(lambda row: row[0] <= header_line, rows)
     if not header:
         raise error(f"{source}: the file is empty; {needs}")
     titles = tuple(cell.strip() for cell in header)

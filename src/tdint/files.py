@@ -6,6 +6,7 @@ renamed after all of them have been written.
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 import stat
@@ -201,9 +202,21 @@ def is_there(name: str | Path) -> bool:
 _WILDCARDS = r"[*?[]"
 
 
+def pattern_of(argument: str) -> str:
+    """Return a pattern of file names in which the wildcards in the name of an existing directory,
+    such as `dir [2024]/*.AT2`, have no special meaning."""
+    folder = argument
+    while folder and not is_folder(folder):
+        folder = os.path.dirname(folder)  # noqa: PTH120  keeps the user's spelling
+    return glob.escape(folder) + argument[len(folder) :]
+
+
 def is_set(argument: str) -> bool:
     """Return True if an argument may be several files: a directory or a pattern."""
-    return is_folder(argument) or bool(re.search(_WILDCARDS, argument) and not is_there(argument))
+    if is_folder(argument):
+        return True
+    plain = re.sub(r"\[[*?[]\]", "", pattern_of(argument))  # without escaped wildcards
+    return bool(re.search(_WILDCARDS, plain) and not is_there(argument))
 
 
 def is_file(name: str | Path) -> bool:

@@ -285,7 +285,7 @@ class TestOtherFiles:
         [
             (
                 "nodes and their coordinates\n"
-                + table(np.arange(50), np.arange(50) ** 0.5, np.ones(50)),
+                + table(np.arange(50), np.arange(50) ** 0.5, 5.0 - np.arange(50)),
                 "equal steps",
             ),
             ("time drift\n" + table(TIMES, G), "`column` ... drift"),

@@ -74,9 +74,13 @@ class TestFirstLines:
     def test_column_numbers(self, file):
         is_read(file, "0 1\n" + table(TIMES, A, separator=" "), A, units="g")
 
-    def test_peak_in_the_first_sample_is_a_warning(self, file):
+    def test_peak_in_the_first_sample_is_a_question(self, file):
+        """It may be a peak or a factor of the header, unless an option or a name decides."""
         content = "# dt = 0.01 s, units = g\n1.000\n" + column(A, "%.3f")
-        (record,) = read(file, content)
+        with pytest.raises(RecordError, match=r"1\.000 in line 2.*skip_lines=2.*skip_lines=0"):
+            read(file, content)
+        named = "# dt = 0.01 s\nAcceleration (g)\n1.000\n" + column(A, "%.3f")
+        (record,) = read(file, named)
         assert any("first sample" in warning for warning in record.warnings)
 
 

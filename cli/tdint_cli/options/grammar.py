@@ -555,6 +555,7 @@ DESCRIBED_OPTIONS = {
     "--column": True,
     "--skip-lines": True,
     "--rows": False,
+    "--one-sided": False,
     "--trim": True,
     "--baseline": True,
     "--pad": True,

@@ -165,6 +165,12 @@ _LAYOUT = (
         help="The numbers of a line of a text table are successive samples of one ground motion, "
         "which the next line continues; required only if the file does not show it.",
     ),
+    _rare(
+        "--one-sided",
+        is_flag=True,
+        help="The samples of one sign are a pulse; without this option, a warning is given or a "
+        "text table is refused, because a spectrum or a list of peaks is also of one sign.",
+    ),
 )
 
 _PROCESSING = (

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from tdint.errors import RecordError, UsageError
+from tdint.files import pattern_of
 
 SAME_STEP = 1e-3
 """Relative difference up to which two statements of the sampling interval agree."""
@@ -74,6 +75,10 @@ class TextLayout(_OptionalFields):
     rows : bool
         The values of a line are successive samples of a single ground motion, which the next line
         continues. Default False: the file shows it, or the columns are separate ground motions.
+    one_sided : bool
+        The samples are a pulse of one sign, in any format. Default False: a motion with samples of
+        one sign has a warning, and a table without names is refused, because spectra, lists of
+        peaks and resultants are also of one sign.
 
     Raises
     ------
@@ -85,6 +90,7 @@ class TextLayout(_OptionalFields):
     column: tuple[str, ...] = ()
     skip_lines: int | None = None
     rows: bool = False
+    one_sided: bool = False
 
     def __post_init__(self) -> None:
         """Validate the values, and convert the columns to a tuple of texts."""
@@ -110,8 +116,9 @@ class TextLayout(_OptionalFields):
                 f"`skip_lines`: must be a whole number from 0 to {MAX_SKIPPED_LINES}, got "
                 f"{skipped!r}"
             )
-        if not isinstance(self.rows, bool):
-            raise UsageError(f"`rows`: must be true or false, got {self.rows!r}")
+        for name in ("rows", "one_sided"):
+            if not isinstance(value := getattr(self, name), bool):
+                raise UsageError(f"`{name}`: must be true or false, got {value!r}")
         if self.rows and self.column:
             raise UsageError(
                 "`rows` and `column` cannot be combined: either the lines continue one ground "
@@ -242,7 +249,7 @@ class RecordChoice:
         for source, choice in self.described:
             if (
                 file == source
-                or fnmatchcase(file, source)
+                or fnmatchcase(file, pattern_of(source))
                 or file.startswith(f"{source.rstrip('/')}/")
             ):
                 return choice

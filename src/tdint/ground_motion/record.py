@@ -66,6 +66,19 @@ def peak_warnings(
     )
 
 
+_MIN_SIGNED = 20
+"""Samples; a shorter motion may be of one sign by accident."""
+
+
+def has_one_sign(samples: NDArray[Any]) -> bool:
+    """Return True if none of at least 20 samples is below zero, or none is above. Spectra, lists of
+    peaks and resultants are of one sign; zeros are not."""
+    if samples.size < _MIN_SIGNED:
+        return False
+    low, high = float(np.min(samples)), float(np.max(samples))
+    return low >= 0.0 < high or low < 0.0 >= high
+
+
 def velocity_warnings(record: Record) -> tuple[str, ...]:
     """Return a warning if the peak ground velocity is unusual although the peak acceleration is
     not, because the unit or the sampling interval may be wrong.

@@ -125,6 +125,15 @@ _ACCELERATION_UNIT = re.compile(
 )
 """Unit after a word for the acceleration, used if no other pattern matches."""
 
+_BARE_UNIT = re.compile(rf"(?<![\w/*^]){_LONG_UNIT}{_NO_LONGER_UNIT}", re.IGNORECASE)
+_AFTER_NUMBER = re.compile(r"\d\.?\s*[(\[]?\s*$")
+_OTHER_VALUE = re.compile(
+    r"peak|max|min|limit|threshold|trigger|noise|offset|drift|gravity|scale|factor|resolution|"
+    r"sensitivity|\bp?s[avd]\b|\bpg[avd]\b|vel|dis",
+    re.IGNORECASE,
+)
+"""Words that show that a unit in a line without the word acceleration belongs to another value."""
+
 _PEAK = re.compile(
     r"\b(?:PGA|PEAK\s+(?:GROUND\s+)?(?:VALUE|ACC\w*\.?)|"
     r"MAX(?:IMUM)?\.?\s+(?:ABS\w*\.?\s+)?(?:VALUE|ACC\w*\.?))\s*"
@@ -291,7 +300,38 @@ def _stated_units(lines: Sequence[str], declared: list[str]) -> tuple[str, ...]:
     if not units:
         matches = [match for line in others if (match := _ACCELERATION_UNIT.search(line))]
         units = [unit for match in matches if (unit := _units(match[1]))]
+    if not units:
+        units = [unit for line in others for unit in _bare_units(line)]
     return tuple(dict.fromkeys(units))
+
+
+def _bare_units(line: str) -> list[str]:
+    """Return the units of an acceleration or a velocity in a line that names no quantity, such as
+    `cm/s2; dt = 0.01`, `dt=0.01 g` and `# [gal]`.
+
+    A short unit must be a complete part of the line. A unit after a number, such as 9.81 m/s2, is
+    the unit of this number.
+    """
+    if _OTHER_VALUE.search(line):
+        return []
+    comment = COMMENT.fullmatch(line)
+    rest = comment[1] if comment else line
+    for pattern in (*_INTERVALS, *_RATES, *_COUNTS):
+        rest = pattern.sub(";", rest)
+    cells = [cell.strip(" \t()[]'\"") for cell in re.split(r"[,;\t]|\s{2,}", rest)]
+    exact = [
+        unit
+        for cell in cells
+        if cell
+        and not cell[0].isdigit()
+        and (unit := _units(cell))
+        and quantity_of_units(unit) in ("acceleration", "velocity")
+    ]
+    return exact or [
+        unit
+        for match in _BARE_UNIT.finditer(rest)
+        if not _AFTER_NUMBER.search(rest[: match.start()]) and (unit := _units(match[0]))
+    ]
 
 
 def _declared_interval(key: str, value: str) -> list[float]:

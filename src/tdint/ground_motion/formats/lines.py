@@ -115,6 +115,10 @@ class Lines:
             )
         self._next += count
 
+    def back_to(self, number: int) -> None:
+        """Continue after the line with this number, counted from 1."""
+        self._next = number
+
     def peek(self) -> str | None:
         """Return the start of the next non-blank line without reading it; None at the end of the
         file. Blank lines before it are skipped."""
@@ -612,7 +616,8 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     raise RecordError(
         f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[index]:g} s "
         f"is {intervals[index]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
-        "resample the record to equal steps first"
+        f"resample the record to equal steps first, in Python: numpy.interp(numpy.arange(t[0], "
+        f"t[-1], {float(np.min(intervals)):.3g}), t, a)"
     )
 
 

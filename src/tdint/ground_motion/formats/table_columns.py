@@ -12,10 +12,10 @@ import re
 from dataclasses import dataclass, replace
 from unicodedata import combining, normalize
 
-from tdint.errors import RecordError
-from tdint.units import GROUND_MOTION, canonical
+from tdint.errors import RecordError, UsageError
+from tdint.units import parse_units
 
-TIME, OTHER = "time", "other"
+TIME, OTHER, NO_MOTION = "time", "other", "no motion"
 SECONDS = dict.fromkeys(("", "s", "sec", "secs", "second", "seconds"), 1.0)
 SECONDS |= dict.fromkeys(("ms", "msec"), 1e-3)
 """Values of the units of time, s."""
@@ -49,6 +49,19 @@ _ORDINATE = re.compile(
 )
 """Pattern of the name of an ordinate of a spectrum."""
 
+_NO_MOTION = re.compile(
+    r"(?:.* )?(?:arias|intensit\w*|cav|fas|fourier|fft|psd|spectr\w*|espectro|spettro|housner|"
+    r"husid|pga|pgv|pgd|energy|cumulative)(?: .*)?|p?s[av]|psd|rotd\d+"
+)
+"""Pattern of a name that states a quantity other than a ground motion."""
+
+_RESULTANT = re.compile(
+    r"(?:.* )?(?:total|resultants?|resultante|risultante|abs(?:olute)?|magnitude|norm|modulus|srss|"
+    r"vector|sum|betrag|envelope)(?: .*)?|[|].*[|]"
+)
+"""Pattern of a name of the resultant of the components, or of absolute values. It may also name the
+total acceleration of a floor, which has both signs."""
+
 _GENERAL = re.compile(
     r"(?:y|values?|data|signals?|amplitudes?|records?|motions?|ground motion|series|samples?|"
     r"(?:ch|channel|col|column|sensor|comp|component|[a-z])[ #.-]?\d*)"
@@ -77,7 +90,8 @@ class ColumnName:
     Attributes
     ----------
     quantity : str
-        `TIME`, one of `MOTIONS`, or `OTHER` if the name does not state the quantity.
+        `TIME`, one of `MOTIONS`, `NO_MOTION` if the name states another quantity, or `OTHER` if it
+        does not state the quantity.
     component, units : str
         Component and units in the name; empty if the name does not include them.
     text, plain : str
@@ -89,6 +103,11 @@ class ColumnName:
     units: str = ""
     text: str = ""
     plain: str = ""
+
+    @property
+    def may_be_resultant(self) -> bool:
+        """True if the column is the resultant of the components if its values have one sign."""
+        return bool(_RESULTANT.fullmatch(_unaccented(self.plain)))
 
 
 def split_names(line: str, separator: str) -> list[str]:
@@ -109,7 +128,8 @@ def split_names(line: str, separator: str) -> list[str]:
 def column_names(line: str, separator: str = "") -> tuple[ColumnName, ...]:
     """Return the column names in a line; empty if the line is not a line of names.
 
-    Each name must state a ground motion (`MOTIONS`), a time or a component of the acceleration.
+    Each name must state a ground motion (`MOTIONS`), a time, a component of the acceleration, or,
+    in a table with a time, another quantity; at least one name must state a ground motion.
 
     Parameters
     ----------
@@ -119,7 +139,10 @@ def column_names(line: str, separator: str = "") -> tuple[ColumnName, ...]:
     columns = interpret_names(split_names(line, separator))
     if not columns or any(column.quantity == OTHER for column in columns):
         return ()
-    motions = [column for column in columns if column.quantity != TIME]
+    motions = [column for column in columns if column.quantity in MOTIONS]
+    quantities = {column.quantity for column in columns}
+    if NO_MOTION in quantities and TIME not in quantities:  # such as `Spectral acceleration`
+        return ()
     # A single component, such as `N` or `up`, may be any word of a text and is not a line of names.
     if not motions or (len(columns) == 1 and columns[0].component):
         return ()
@@ -207,6 +230,8 @@ def interpret_names(texts: list[str]) -> tuple[ColumnName, ...]:
         quantity, component = _quantity_of_name(name)
         if (index == 0 and len(texts) > 1 and name in _TIMES) or _TIME.fullmatch(name):
             quantity, component = TIME, ""
+        if _NO_MOTION.fullmatch(_unaccented(name)):
+            quantity, component = NO_MOTION, ""
         # The unit determines the quantity of a name that is only a component. Any other name with a
         # unit of acceleration is a component. The first column is excluded, because it may be a
         # time. `name` is the start of `text` in lower case, without the unit.
@@ -230,8 +255,12 @@ def interpret_names(texts: list[str]) -> tuple[ColumnName, ...]:
 
 def quantity_of_units(units: str) -> str:
     """Return the quantity of a unit of ground motion; empty for another unit."""
-    name = canonical(units) if units else ""
-    return next((quantity for quantity, names in GROUND_MOTION.items() if name in names), "")
+    if not units:
+        return ""
+    try:
+        return parse_units(units).quantity
+    except UsageError:
+        return ""
 
 
 def with_units(names: tuple[ColumnName, ...], line: str, separator: str) -> tuple[ColumnName, ...]:

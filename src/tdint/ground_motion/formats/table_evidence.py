@@ -12,6 +12,7 @@ never decided, because two columns at a distance of half a step cannot be distin
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, sqrt
 
@@ -21,7 +22,8 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, MIN_COUNT, MIN_STEP
-from tdint.ground_motion.formats.table_lines import NumberBlock, Numbers
+from tdint.ground_motion.formats.lines import Lines, equal_steps, row_of_numbers
+from tdint.ground_motion.formats.table_lines import NumberBlock, Numbers, split_cells
 from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.number_parsing import pluralize
 
@@ -143,6 +145,41 @@ def are_times(column: NDArray[np.float64]) -> bool:
     )
 
 
+_MAX_LONG_LINES = 20  # lines of a table whose columns are written as lines
+_MAX_TITLE_LINES = 20  # lines above such a table
+_MIN_LONG = 20  # cells of a line; shorter lines are rows
+
+
+def transposed(lines: Lines) -> Lines | None:
+    """Return the columns of a table that is written by lines, as the lines of a table; None for
+    any other file.
+
+    Such a table has a long line of times, which may start with its name, and lines of values with
+    the same number of cells.
+    """
+    start = lines.number
+    texts = lines.remaining()
+    lines.back_to(start)
+    filled = [index for index, text in enumerate(texts) if text.strip()]
+    first = next((index for index in filled if len(texts[index]) > 2 * _MIN_LONG), len(texts))
+    if not 2 <= len([i for i in filled if i >= first]) <= _MAX_LONG_LINES or (
+        first > _MAX_TITLE_LINES
+    ):
+        return None
+    rows = [split_cells(texts[index]) for index in filled if index >= first]
+    if len(rows[0]) < _MIN_LONG or len(set(map(len, rows))) != 1:
+        return None
+    try:
+        cells = [cell.strip("\"' ").replace(",", ".") for cell in rows[0][1:]]
+        times = row_of_numbers(" ".join(cells))
+        if len(times) != len(rows[0]) - 1 or not are_times(np.array(times)):
+            return None
+    except ValueError:
+        return None
+    columns = [";".join(cells) for cells in zip(*rows, strict=True)]
+    return Lines("\n".join([*texts[:first], *columns, ""]))
+
+
 def paired(table: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return a table with a time and a value per row if the rows of `table` consist of such pairs;
     otherwise None.
@@ -181,7 +218,7 @@ _MIN_DIGITS_EXCESS = 3
 that is no sample; one of a thousand samples ends with three zeros."""
 
 _JUMP_SAMPLES = 12  # samples that are compared with the first number
-_WHOLE = re.compile(r"\+?\d{1,12}(?:\.0*)?")
+_EQUAL = 1e-9  # relative difference of two equal numbers that are printed in different forms
 _WITHOUT_POINT = re.compile(r"[-+]?\d+")
 _FIXED = re.compile(r"[-+]?\d*\.\d*")  # number with a decimal point and without exponent
 
@@ -209,26 +246,22 @@ class FirstNumbers:
 
 
 def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> FirstNumbers:
-    """Return the statements in the first lines of a block.
+    """Return the statements in the first lines of a block. The first rule that applies decides:
 
-    One rule applies to numbers in successive lines and to several numbers in a line:
+    1. A number in the first lines is equal to the number of the remaining lines or values. All
+       lines up to this remainder are a header, and a number from 1e-5 to 1 in them is the sampling
+       interval. A number of samples without an interval counts only above a single column and above
+       times, because tables of nodes also start with a number.
+    2. A whole number and a plausible sampling interval are no samples: the whole number is a flag
+       if it is below 20, otherwise it contradicts the number of samples. `skip_lines=0` states that
+       these numbers are samples.
 
-    1. a number that is equal to the number of the remaining lines or values is the number of
-       samples, and another number from 1e-5 to 1 is the sampling interval;
-    2. a whole number and a plausible sampling interval are no samples: the whole number is a flag
-       if it is below 20, otherwise it contradicts the number of samples;
-    3. a first number of a column is the sampling interval if it is equal to the specified interval,
-       or if it is a plausible interval and does not continue the samples.
-
-    A number of samples without an interval counts only above a single column, because tables of
-    nodes also start with a number. `skip_lines=0` states that the values of rules 2 and 3 are
-    samples.
+    Numbers that may be parameters or samples are examined by `doubtful_lines`.
 
     Raises
     ------
     RecordError
-        A number of samples does not agree with the block, or the first number may be a sample or
-        the sampling interval.
+        A number of samples does not agree with the block.
     """
     words, number = block.first_words, block.line_numbers[0]
     values, widths = numbers.values, numbers.widths
@@ -240,37 +273,33 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
         return FirstNumbers(lines=1, note=f"line {number}, the numbers of the columns, is not read")
     unconfirmed = None
     for used in range(1, min(_MAX_FIRST_LINES, lines - 2) + 1):
-        is_other = bool(np.all(widths[:used] != width))
-        if not (is_other or width == 1 or used == 1):
-            break
         texts = [word for row in words[:used] for word in row]
         if len(texts) != int(np.sum(widths[:used])):  # numbers without separators
             break
-        first = values[: len(texts)].tolist()
-        whole = [n for t, n in zip(texts, first, strict=True) if _WHOLE.fullmatch(t)]
+        first, samples = values[: len(texts)].tolist(), values[len(texts) :]
+        whole = [n for n in first if n >= 0.0 and n.is_integer()]
+        peak = float(np.max(np.abs(samples), initial=0.0))
         steps = [
             n
-            for t, n in zip(texts, first, strict=True)
-            if not _WITHOUT_POINT.fullmatch(t) and MIN_STEP <= n <= MAX_STEP
+            for text, n in zip(texts, first, strict=True)
+            if not _WITHOUT_POINT.fullmatch(text) and MIN_STEP <= n <= MAX_STEP and n != peak
         ]
-        if not is_other and width == 1 and len(whole) + len(steps) < len(texts):
-            break
         steps.sort(key=_is_plausible, reverse=True)  # a flag may be printed as 1.0
-        samples = values[len(texts) :]
-        remaining = (lines - used, samples.size)
-        count = next(
-            (n for n in whole if (n >= 1.0 and n in remaining) or is_filled(samples, n, width)),
-            0.0,
-        )
-        if count and steps:
-            return FirstNumbers(int(count), steps[0], used)
-        is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
-        # Without the first line, the first column may contain times.
+        # Without the first lines, the first column may contain times.
         is_timed = width > 1 and are_times(samples[::width]) and not are_times(values[::width])
-        if unconfirmed is None and is_header and (is_other or width == 1 or is_timed):
+        is_other = bool(np.all(widths[:used] != width))
+        count = _number_of_samples(whole, (lines - used, samples.size), samples, width)
+        if count and (is_timed or is_other or width == 1 or used == 1):
+            if is_timed:  # the times state the interval
+                steps = [n for n in steps if _is_plausible(n)]
+            if steps:
+                return FirstNumbers(count, _interval_of(steps, layout), used)
+            if (width == 1 or is_timed) and (used == 1 or count >= MIN_COUNT):
+                return FirstNumbers(count, 0.0, used)
+        is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
+        is_column = width == 1 and len(whole) + len(steps) == len(texts)
+        if unconfirmed is None and is_header and (is_other or is_column or is_timed):
             unconfirmed = used, whole, steps[0]
-    if width == 1 and values[0] == lines - 1:
-        return FirstNumbers(lines - 1, 0.0, 1)
     if unconfirmed is not None:
         used, whole, interval = unconfirmed
         remaining = (lines - used, values.size - sum(map(len, words[:used])))
@@ -279,9 +308,23 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
             raise _wrong_count(words, counts[0], remaining, number)
         if has_flag and layout.skip_lines != 0:
             return FirstNumbers(0, interval, used, _first_lines_note(used, number, interval))
-    if width == 1 and layout.skip_lines != 0:
-        return _interval_alone(words, values, layout, number)
     return FirstNumbers()
+
+
+def _number_of_samples(
+    whole: list[float], remaining: tuple[int, int], samples: NDArray[np.float64], width: int
+) -> int:
+    """Return the whole number that is the number of the remaining lines or values; 0 if there is
+    none."""
+    return next(
+        (int(n) for n in whole if (n >= 1.0 and n in remaining) or is_filled(samples, n, width)), 0
+    )
+
+
+def _interval_of(steps: list[float], layout: TextLayout) -> float:
+    """Return the sampling interval among the numbers of a header: the interval that the user
+    specifies, otherwise the most plausible number."""
+    return next(filter(layout.has_step, steps), steps[0])
 
 
 def is_filled(values: NDArray[np.float64], count: float, width: int) -> bool:
@@ -333,21 +376,136 @@ def _wrong_count(
     )
 
 
+def doubtful_lines(
+    block: NumberBlock, numbers: Numbers, layout: TextLayout, *, is_named: bool
+) -> FirstNumbers:
+    """Return the first lines of a block that are no samples, although no number of samples confirms
+    it.
+
+    1. Without these lines, the first column consists of times in equal steps.
+    2. A number is as large as the peak of all numbers below it, and does not continue to the next
+       number: a peak, a scale factor, a coordinate. The number above it is then no sample either.
+    3. A number of a column is the sampling interval if it is equal to the specified interval, or if
+       it is a plausible interval and does not continue the samples.
+
+    `skip_lines=0` states that all numbers are samples.
+
+    Parameters
+    ----------
+    is_named : bool
+        The columns have names: a line between the names and the samples is no sample only if it
+        interrupts the times.
+
+    Raises
+    ------
+    RecordError
+        The first line differs in form from the samples.
+    IncompleteRecord
+        The lines may contain parameters or samples, and no option decides.
+    """
+    _check_form(block, numbers)
+    words, number, width = block.first_words, block.line_numbers[0], numbers.width
+    if layout.skip_lines == 0 or numbers.widths.size < _MIN_TIMES:
+        return FirstNumbers()
+    if width > 1:
+        used = _lines_above_times(numbers, width)
+        reason = "is not a part of the times in equal steps below"
+        if not used and not is_named and numbers.is_regular:
+            used = _lines_above_samples(numbers.table())
+            reason = "does not continue to the other values and is as large as their peak"
+        if used:
+            raise _question(words, used, number, reason, layout)
+        return FirstNumbers()
+    if is_named or not np.all(numbers.widths == 1):
+        return FirstNumbers()
+    values = numbers.values
+    used = _lines_above_samples(values[:, None])
+    specified = [i for i in range(max(used, 2)) if layout.has_step(float(values[i]))]
+    if used or any(specified):
+        used = max(used, *(index + 1 for index in specified), 0)
+        if not specified and _is_plausible(float(values[used])):
+            has_jump, excess = _differs(values[used:], 1)
+            used += has_jump and excess > 0
+        has_jump, excess = _differs(values, used)
+        if specified and ((has_jump and excess > 0) or excess >= _MIN_DIGITS_EXCESS):
+            interval = float(values[specified[0]])
+            return FirstNumbers(0, interval, used, _first_lines_note(used, number, interval))
+        reason = (
+            "equals the specified sampling interval"
+            if specified
+            else "does not continue to the other values and is as large as their peak"
+        )
+        raise _question(words, used, number, reason, layout)
+    return _interval_alone(words, values, layout, number)
+
+
+def _lines_above_times(numbers: Numbers, width: int) -> int:
+    """Return the number of first lines without which the first column of a table contains times in
+    equal steps; 0 if the complete table has such times, or none."""
+    ends = numbers.line_ends
+    for used in range(min(_MAX_FIRST_LINES, numbers.widths.size - _MIN_TIMES) + 1):
+        rest = numbers.values[ends[used] :]
+        # A single shorter line is reported as an irregular line.
+        is_short = used == 1 and numbers.widths[0] != width
+        if np.all(numbers.widths[used:] == width) and are_times(rest[::width]) and not is_short:
+            with suppress(RecordError):
+                equal_steps(rest[::width])
+                return used
+    return 0
+
+
+def _lines_above_samples(table: NDArray[np.float64]) -> int:
+    """Return the number of first rows up to the last row that is as large as the peak of all rows
+    below it, and does not continue to the next row, in all columns; 0 if there is none.
+
+    Parameters
+    ----------
+    table : ndarray, shape (rows, columns)
+    """
+    for used in range(min(_MAX_FIRST_LINES, len(table) - _JUMP_SAMPLES), 0, -1):
+        first, samples = table[used - 1], table[used:]
+        sizes = np.abs(samples)
+        peaks = np.max(sizes, axis=0)
+        is_peak = np.abs(np.abs(first) - peaks) <= _EQUAL * peaks
+        changes = np.max(np.abs(np.diff(samples[:_JUMP_SAMPLES], axis=0)), axis=0)
+        change = np.abs(first - samples[0])
+        has_jump = change > _JUMP * changes
+        # The peak of a motion is unique, unless the motion is periodic or has few digits. A motion
+        # that starts at a peak continues smoothly.
+        is_unique = np.sum(sizes >= (1.0 - _EQUAL) * peaks, axis=0) == 1
+        is_copy = is_peak & is_unique & (change > changes)
+        is_larger = (np.abs(first) > peaks) | is_peak
+        if np.all(peaks > 0.0) and np.all((is_larger & has_jump) | is_copy):
+            return used
+    return 0
+
+
+def _differs(values: NDArray[np.float64], used: int) -> tuple[bool, int]:
+    """Return True if one of the first `used` values does not continue to the samples below, and by
+    how many significant digits the median sample exceeds the last of these values.
+
+    A sampling interval is a round number and has few digits.
+    """
+    samples = values[used:]
+    largest = _JUMP * float(np.max(np.abs(np.diff(samples[:_JUMP_SAMPLES])), initial=0.0))
+    has_jump = bool(np.any(np.abs(values[:used] - samples[0]) > largest))
+    others = samples[samples != 0.0][:_JUMP_SAMPLES].tolist()
+    more = sorted(
+        _significant_digits(sample) - _significant_digits(values[used - 1]) for sample in others
+    )
+    return has_jump, more[len(more) // 2] if more else 0
+
+
 def _interval_alone(
     words: list[list[str]], values: NDArray[np.float64], layout: TextLayout, number: int
 ) -> FirstNumbers:
     """Return the sampling interval in the first line of a column; raise IncompleteRecord if the
     number may also be a sample."""
-    value, samples = float(values[0]), values[1:]
+    value = float(values[0])
     is_specified = layout.has_step(value)
     if not (is_specified or _is_plausible(value)):
         return FirstNumbers()
-    changes = np.abs(np.diff(samples[:_JUMP_SAMPLES]))
-    has_jump = abs(value - float(samples[0])) > _JUMP * float(np.max(changes, initial=0.0))
-    others = samples[samples != 0.0][:_JUMP_SAMPLES].tolist()
-    # The median sample has more digits than an interval, which is a round number.
-    more = sorted(_significant_digits(sample) - _significant_digits(value) for sample in others)
-    excess = more[len(more) // 2] if more else 0
+    has_jump, excess = _differs(values, 1)
     if (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
         return FirstNumbers(0, value, 1, _first_lines_note(1, number, value))
     texts = [row[0] for row in words]
@@ -366,16 +524,28 @@ def _interval_alone(
         if has_other_form
         else "does not continue to the other values"
     )
+    raise _question(words, 1, number, reason, layout)
+
+
+def _question(
+    words: list[list[str]], used: int, number: int, reason: str, layout: TextLayout
+) -> IncompleteRecord:
+    """Return the question whether the first lines of a block contain parameters or samples.
+
+    `reason` is a predicate of the last of these lines, whose first line has this number.
+    """
+    last = number + used - 1
+    text = " ".join(words[used - 1])[:60]
     above = " remove the lines above it and" if number > 1 else ""
-    raise IncompleteRecord(
-        f"the first value, {texts[0]} in line {number}, {reason}. If it is the sampling "
-        f"interval, skip it by `skip_lines={number}`; if it is a sample,{above} specify "
-        "`skip_lines=0`",
-        Missing(skip_lines=number, step=layout.step is None),
+    return IncompleteRecord(
+        f"the line above the samples, {text} in line {last}, {reason}. If it is a parameter "
+        f"(a peak, a factor, a sampling interval), skip it by `skip_lines={last}`; if it is a "
+        f"sample,{above} specify `skip_lines=0`",
+        Missing(skip_lines=last, step=layout.step is None),
     )
 
 
-def unexplained_first_line(block: NumberBlock, numbers: Numbers) -> None:
+def _check_form(block: NumberBlock, numbers: Numbers) -> None:
     """Raise RecordError if the numbers of a first line differ in form from the samples.
 
     In a table of numbers with decimal points, a whole number without a point is a number of

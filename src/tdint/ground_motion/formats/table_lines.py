@@ -256,7 +256,7 @@ def _without_text_columns(texts: list[str]) -> tuple[list[str], frozenset[int]]:
     filled = [text for text in texts if text.strip(_BLANKS)]
     # A table of numbers has more rows than other lines; its lines are not examined further.
     sample = filled[-_CELLS_PER_SAMPLE:]
-    rows = [row for row in map(_cells, sample) if len(row) > 1]
+    rows = [row for row in map(split_cells, sample) if len(row) > 1]
     if 2 * sum(_is_plain_row(text) for text in sample) >= len(sample) or not rows:
         return texts, frozenset()
     width = Counter(map(len, rows)).most_common(1)[0][0]
@@ -268,7 +268,7 @@ def _without_text_columns(texts: list[str]) -> tuple[list[str], frozenset[int]]:
     is_table = len(rows) >= _MIN_TEXT_ROWS and 2 * len(rows) >= len(sample)
     if not is_table or not columns or all(numeric):
         return texts, frozenset()
-    all_cells = [_cells(text) for text in texts]
+    all_cells = [split_cells(text) for text in texts]
     indices = [
         index
         for index, cells in enumerate(all_cells)
@@ -294,7 +294,7 @@ def _is_plain_row(text: str) -> bool:
     return (_is_row(row) and not _EMPTY_CELL.search(row)) or bool(_row_of_list(row)[0])
 
 
-def _cells(text: str) -> list[str]:
+def split_cells(text: str) -> list[str]:
     """Return the cells of a line, separated by its first separator other than a blank."""
     line = text.rstrip(_BLANKS)
     mark = next((mark for mark in ";\t," if mark in line), None)

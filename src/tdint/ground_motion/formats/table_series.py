@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP, TextLayout
-from tdint.ground_motion.formats.header_statements import Statements
+from tdint.ground_motion.formats.header_statements import MAX_STEP, Statements
 from tdint.ground_motion.formats.lines import agrees_with_times, equal_steps, last_decimal
 from tdint.ground_motion.formats.series import (
     Series,
@@ -21,17 +21,20 @@ from tdint.ground_motion.formats.series import (
 )
 from tdint.ground_motion.formats.table_columns import (
     MOTIONS,
+    NO_MOTION,
     ORIGIN,
     OTHER,
     SECONDS,
+    TIME,
     ColumnName,
     column_index,
     is_general,
     quantity_of_units,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, last_place
-from tdint.ground_motion.missing import IncompleteRecord, Missing, likely_units
+from tdint.ground_motion.missing import IncompleteRecord, Missing, OtherContent, likely_units
 from tdint.ground_motion.origin import stated_origin
+from tdint.ground_motion.record import has_one_sign
 
 Names = tuple[ColumnName, ...]
 
@@ -48,6 +51,8 @@ class TableColumns:
         Index of the column of times.
     ignored : frozenset of int
         Indices of columns that contain text or line numbers.
+    one_sided : bool
+        The user states that samples of one sign are a ground motion.
     """
 
     columns: list[NDArray[np.float64]]
@@ -55,12 +60,42 @@ class TableColumns:
     stated: Statements
     time: int | None
     ignored: frozenset[int]
+    one_sided: bool = False
 
     @property
     def candidates(self) -> list[int]:
         """Indices of the columns that may be ground motions."""
+        return [index for index in self._values if not self.other_quantity(index)]
+
+    @property
+    def _values(self) -> list[int]:
+        """Indices of all columns except times, text and line numbers."""
         others = self.ignored | ({self.time} if self.time is not None else set())
         return [index for index in range(len(self.columns)) if index not in others]
+
+    @property
+    def named_others(self) -> list[str]:
+        """Names of the columns with another quantity, for messages."""
+        return [self.name(index) for index in self._values if self.other_quantity(index)]
+
+    def other_quantity(self, index: int) -> str:
+        """Return the reason why a column is no ground motion; empty for a column that may be one.
+
+        The name of the column states another quantity, or the column is the resultant of the other
+        columns, by its name or by its values. The values of a resultant have one sign.
+        """
+        if self.names and self.names[index].quantity == NO_MOTION:
+            return "states a quantity that is not a ground motion"
+        column = self.columns[index]
+        others = [i for i in self._values if i != index] if len(self._values) > 1 else []
+        if self.one_sided or not others or not has_one_sign(column):
+            return ""
+        is_resultant = bool(self.names) and self.names[index].may_be_resultant
+        if not is_resultant and len(others) > 1:
+            squares = sum(self.columns[i] ** 2 for i in others)
+            rounding = last_decimal(column) + 1e-3 * float(np.max(column))
+            is_resultant = float(np.max(np.abs(np.sqrt(squares) - column))) <= rounding
+        return "is a resultant or contains absolute values" if is_resultant else ""
 
     def name(self, index: int) -> str:
         """Return the name of a column for `column`: its text, or its number counted from 1."""
@@ -100,6 +135,11 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
             stacklevel=2,
         )
     selected = _selected(table, layout) or _accelerations(table, layout)
+    if not layout.column and (others := table.named_others):
+        warnings.warn(
+            f"columns of other quantities or resultants are not read: {', '.join(others)}",
+            stacklevel=2,
+        )
     dt, is_stated = _sampling_interval(table, layout, reason)
     if not is_stated:
         warnings.warn(
@@ -147,6 +187,10 @@ def _selected(table: TableColumns, layout: TextLayout) -> list[int]:
                 f"column {column} contains {content} ({table.name(index)}); select a column with a "
                 "ground motion"
             )
+        if reason := table.other_quantity(index):
+            choice = ", ".join(map(table.name, table.candidates))
+            remedy = f"select one of {choice}" if choice else "specify the file of the acceleration"
+            raise RecordError(f"column {table.name(index)!r} {reason}; {remedy}")
     return list(dict.fromkeys(indices))
 
 
@@ -171,6 +215,15 @@ def _accelerations(table: TableColumns, layout: TextLayout) -> list[int]:
             return named
     if len(candidates) == 1 and is_general(names[candidates[0]]):
         return candidates
+    # A column with a unit that is no unit of a ground motion is not proposed.
+    candidates = [i for i in candidates if not names[i].units or quantity_of_units(names[i].units)]
+    if not candidates:
+        listed = ", ".join(name.text[:40] for name in names if name.quantity != TIME)
+        raise OtherContent(
+            f"the columns ({listed}) state quantities that are not a ground motion; specify the "
+            "file of the acceleration",
+            "other quantities",
+        )
     listed = ", ".join(map(table.name, candidates))
     raise incomplete(
         f"the column names do not identify the acceleration; select the ground motion by `column`: "
@@ -190,11 +243,7 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
     """
     intervals = list(table.stated.intervals)
     if table.time is not None:
-        name = table.names[table.time] if table.names else None
-        if name is not None and name.units not in SECONDS:
-            raise RecordError(f"the times must be in s or ms, but the header states {name.units!r}")
-        scale = SECONDS[name.units] if name is not None else 1.0
-        times = table.columns[table.time] * scale
+        times = table.columns[table.time] * _scale_of_times(table, layout)
         mean, rounding = equal_steps(times)[0], last_decimal(times)
         # Rounded times may agree with several intervals; the stated one is right.
         stated = (step for step in (*intervals, layout.step) if step is not None)
@@ -224,6 +273,43 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
             "sampling interval; specify it by `step`"
         )
     raise incomplete(message, table, layout, Missing(step=True))
+
+
+_SMALL_UNITS = {1e-3: "ms", 1e-6: "us"}
+"""Units, s, of times whose step in seconds would be longer than any sampling interval."""
+
+
+def _scale_of_times(table: TableColumns, layout: TextLayout) -> float:
+    """Return the unit of the times of a table, s.
+
+    Raises
+    ------
+    RecordError
+        The unit is unknown, or is not stated and the times cannot be in seconds.
+    """
+    assert table.time is not None
+    name = table.names[table.time] if table.names else None
+    if name is not None and name.units not in SECONDS:
+        raise RecordError(f"the times must be in s or ms, but the header states {name.units!r}")
+    if name is not None and name.units:
+        return SECONDS[name.units]
+    times = table.columns[table.time]
+    step = float(np.median(np.diff(times)))
+    if step <= MAX_STEP or layout.has_step(step) or table.stated.intervals:
+        return 1.0
+    # The specified interval settles the unit.
+    for unit, text in _SMALL_UNITS.items():
+        if layout.has_step(unit * step):
+            note = f"the times are read in {text}: their steps are {step:g} {text}, as specified"
+            warnings.warn(note, stacklevel=2)
+            return unit
+    raise incomplete(
+        f"the times increase by {step:g} per line, too much for a sampling interval in s; if they "
+        f"are in ms, specify `step={1e-3 * step:g}`, or name the column `Time (ms)`",
+        table,
+        layout,
+        Missing(),
+    )
 
 
 def _series(common: Series, table: TableColumns, index: int, *, is_single: bool) -> Series:

@@ -60,14 +60,16 @@ from tdint.ground_motion.formats.table_columns import (
     with_units,
 )
 from tdint.ground_motion.formats.table_evidence import (
+    FirstNumbers,
     are_times,
     continuity,
     counts_rows,
+    doubtful_lines,
     first_numbers,
     has_card_numbers,
     is_filled,
     paired,
-    unexplained_first_line,
+    transposed,
 )
 from tdint.ground_motion.formats.table_lines import (
     NumberBlock,
@@ -84,6 +86,7 @@ from tdint.ground_motion.formats.table_series import (
 )
 from tdint.ground_motion.messages import caught_messages
 from tdint.ground_motion.missing import Missing, OtherContent
+from tdint.ground_motion.record import has_one_sign
 from tdint.number_parsing import pluralize
 
 if TYPE_CHECKING:
@@ -116,21 +119,11 @@ class TextTable:
         Components; empty if the table cannot be read.
     problem : RecordError or None
         Error; None if the table can be read.
-    size : int
-        Number of numbers in the largest block.
     """
 
     series: tuple[Series, ...] = ()
     notes: tuple[str, ...] = ()
     problem: RecordError | None = None
-    size: int = 0
-
-    @property
-    def is_record(self) -> bool:
-        """True if the table is read, or is large enough to be a record that cannot be read."""
-        if isinstance(self.problem, OtherContent):
-            return False
-        return self.problem is None or self.size >= _MIN_VALUES
 
     def read(self, *, headonly: bool = False) -> Stream:
         """Return the components as an ObsPy stream.
@@ -204,21 +197,23 @@ def _table_in(file: Any, layout: TextLayout) -> TextTable | None:
     """Return the table in a file; None if the file has no row of numbers."""
     lines = read_lines(file, text_only=True)
     lines.skip(layout.skip_lines or 0)
+    if columns := transposed(lines):
+        lines = columns
     text = table_text(lines)
     if not text.blocks:
         return None
-    block = text.blocks[text.main]
-    size = sum(len(line.split()) for line in block.lines[:_MIN_VALUES])
     try:
         # `read` repeats the warnings, which are ignored while formats are tried.
         with caught_messages() as messages:
             series = _read_table(lines, text, layout)
+            if columns:
+                warnings.warn("the lines are the columns of a table: times, values", stacklevel=2)
             if layout.skip_lines:
                 skipped = pluralize(layout.skip_lines, "line")
                 warnings.warn(f"{skipped} ignored at the beginning, as requested", stacklevel=2)
     except RecordError as error:
-        return TextTable(problem=error, size=size)
-    return TextTable(tuple(series), tuple(messages), size=size)
+        return TextTable(problem=error)
+    return TextTable(tuple(series), tuple(messages))
 
 
 def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Series]:
@@ -233,12 +228,18 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
 
     # Separate the samples from numbers of a header above them and from quantities after them.
     block, numbers = _with_separate_first_lines(blocks, main, numbers, layout)
-    first = first_numbers(block, numbers, layout)
     names, header = _names_and_header(blocks[: main + 1], numbers.width, layout)
-    stated = statements(header)
+    # The samples may precede a statement: `a = [...]; dt = 0.01`.
+    stated = statements([*header, *text.below])
     _check_content(names, header, stated)
-    start, end = (first.lines, None) if first.lines else _stated_part(block, numbers, stated)
-    block, numbers = block.part(start, end), numbers.part(start, end)
+    first = FirstNumbers()
+    if stated.counts.isdisjoint(numbers.sizes):
+        first = first_numbers(block, numbers, layout)
+        start, end = (first.lines, None) if first.lines else _stated_part(block, numbers, stated)
+        if not (start or end):
+            first = doubtful_lines(block, numbers, layout, is_named=bool(names))
+            start = first.lines
+        block, numbers = block.part(start, end), numbers.part(start, end)
     if first.count:
         stated = replace(stated, counts=frozenset([first.count]))
     if first.interval:
@@ -250,15 +251,11 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
     _check_surroundings(blocks, main, text.below, stated, numbers)
     if not is_confirmed:
         _check_blank_lines(block)
-        if not first.lines:
-            unexplained_first_line(block, numbers)
 
     time, ignored = _time_and_ignored(numbers, names, text.ignored, layout)
     if time is not None and not (names or stated.intervals):
         _check_unit_of_times(header)
-    if spectrum := _unnamed_spectrum(numbers, names, header, time):
-        raise OtherContent(spectrum, "spectrum")
-    table = TableColumns([], names, stated, time, ignored)
+    table = TableColumns([], names, stated, time, ignored, layout.one_sided)
     kind, reason = _layout_of(block, numbers, table, layout)
     if kind in ("single", "rows", "numbered rows"):
         _check_decimal_points(block, numbers, int(kind == "numbered rows"))
@@ -269,6 +266,7 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
     if kind != "columns":  # no column of the lines remains
         table = replace(table, ignored=frozenset())
     table = replace(table, columns=_columns(numbers, kind))
+    _check_signs(table, header)
     is_bare = not header and layout.step is not None and not layout.skip_lines
     if (
         kind == "columns"
@@ -319,22 +317,32 @@ def _check_content(names: Names, header: Sequence[str], stated: Statements) -> N
 _SPECTRAL_WORD = re.compile(r"spectr|\bperiods?\b|\bfrequenc|\bp?sa\b", re.IGNORECASE)
 
 
-def _unnamed_spectrum(
-    numbers: Numbers, names: Names, header: Sequence[str], time: int | None
-) -> str:
-    """Return the reason why a table without the names of its columns is not a ground motion: its
-    values are positive, and the header mentions a spectrum."""
+def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
+    """Raise an error if the values of a table have one sign, and its first column may be periods or
+    frequencies: the header mentions a spectrum, or the column is not named as a time. `T` is also
+    the symbol of a period.
+    """
+    names, time = table.names, table.time
+    if time is None or table.one_sided:
+        return
+    values = [table.columns[index] for index in table.candidates]
+    first = names[time].text if names and names[time].quantity == TIME else ""
     has_motion = any(name.quantity in MOTIONS for name in names)
-    if time is None or has_motion or numbers.values.size < _MIN_VALUES:
-        return ""
     texts = [*header, *(name.text for name in names)]
     word = next((match[0] for text in texts if (match := _SPECTRAL_WORD.search(text))), "")
-    if not word or np.any(numbers.values < 0.0):
-        return ""
-    return (
-        f"the header mentions {word!r}, and no value is negative: the table contains a spectrum, "
-        "not a ground motion; specify the file of the acceleration"
-    )
+    is_spectrum = bool(word) and not has_motion and sum(v.size for v in values) >= _MIN_VALUES // 2
+    may_be = not first or first.partition(" ")[0] == "T"
+    if is_spectrum and all(np.min(column) >= 0.0 for column in values):
+        raise OtherContent(
+            f"the header mentions {word!r}, and no value is negative: the table contains a "
+            "spectrum, not a ground motion; specify the file of the acceleration",
+            "spectrum",
+        )
+    if may_be and values and all(map(has_one_sign, values)):
+        raise RecordError(
+            "no value is below zero, or none is above, and the first column may be periods or "
+            "frequencies of a spectrum; if the values are a pulse of one sign, specify `one_sided`"
+        )
 
 
 # ---- Numbers around the samples
@@ -410,8 +418,6 @@ def _stated_part(
     with another number of values; other lines may be samples of another record.
     """
     lines, total = numbers.sizes
-    if not stated.counts.isdisjoint((lines, total)):
-        return 0, None
     ends = numbers.line_ends
     for count in sorted(stated.counts):
         if total in (2 * count, 3 * count) and "velocity" in stated.integrals and count in ends:
@@ -490,7 +496,9 @@ def _check_surroundings(
     for line, widths in neighbors:
         words = _SEPARATORS.split(line.strip())
         damaged = sum(map(_resembles_number, words))
-        if len(words) in widths and damaged and 2 * damaged >= len(words):
+        # A line with a unit or a sampling interval is a header.
+        is_damaged = len(words) in widths and damaged and 2 * damaged >= len(words)
+        if is_damaged and not statements([line]):
             raise RecordError(
                 f"the line {line.strip()[:60]!r} next to the samples must contain numbers; correct "
                 "or remove it"
@@ -558,6 +566,9 @@ def _layout_of(
         _check_count(stated, lines, lines, total)
         return "single", ""
 
+    if lines == 1:
+        _check_count(stated, total, lines, total)
+        return "rows", "the table has only one line"
     # Names and times show columns.
     values = numbers.table()
     pairs = None if names or table.ignored else paired(values)

@@ -86,6 +86,8 @@ _END_OF_TEXT = rb"\x1a[\x1a\s]*\Z"
 
 _HEADER_BYTES = 4096  # bytes at the start of a file that are searched for the name of its content
 
+_TAR_MARK = slice(257, 262)  # position of the signature of a tar archive
+
 _COMPRESSIONS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 """Compression programs by the first bytes of their files."""
 
@@ -260,13 +262,10 @@ class _Recognized(NamedTuple):
     ----------
     read : callable
         Function without arguments that returns the ObsPy stream of the file.
-    is_record : bool
-        False for a table that contains other data, or is too small to be a record.
     """
 
     format: str
     read: Callable[[], Any]
-    is_record: bool = True
 
 
 class Contents(NamedTuple):
@@ -301,17 +300,15 @@ def other_content(source: str | Path, layout: TextLayout = AS_STATED) -> str:
 def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
     """Return the type of a file with this content (`other_content`)."""
     # Imported here and below, because most commands read files with one motion only.
-    from tdint.ground_motion.reading.other_files import has_data_suffix, other_type
+    from tdint.ground_motion.reading.other_files import has_data_suffix, has_few_numbers, other_type
 
     if is_zip(data) and source.lower().endswith(".zip"):
         return ""
-    # A table that is too small for a record is no table of data.
-    is_table = False
+    data = _with_usual_numbers(data)
     try:
         recognized = _require_format(data, source, layout)
         if recognized.format != TEXT_TABLE:
             return ""
-        is_table = recognized.is_record
         # Tables may be response spectra, which only their reader recognizes.
         if not (content := other_type(source, data)):
             _read(recognized)
@@ -319,13 +316,9 @@ def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
         return "" if has_data_suffix(source) else error.content
     except RecordError:
         content = other_type(source, data)
-        if not (content or is_table or has_data_suffix(source) or re.search(_JSON_NUMBERS, data)):
+        if not (content or has_data_suffix(source)) and has_few_numbers(data):
             return "no numbers"
     return content
-
-
-_JSON_NUMBERS = rb"\[\s*(?:-?\d[-+.\deE]*\s*,\s*){20}"
-"""Pattern of a list of numbers in JSON, which may be the samples of a ground motion."""
 
 
 def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
@@ -349,7 +342,9 @@ def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[st
     """
     data = read_bytes(source)
     files = _records_in_archive(data, source, layout)[0] if is_zip(data) else [(source, data)]
-    recognized_by_file = [(name, _recognize(content, layout)) for name, content in files]
+    recognized_by_file = [
+        (name, _recognize(_with_usual_numbers(content), layout)) for name, content in files
+    ]
     return [(name, recognized.format) for name, recognized in recognized_by_file if recognized]
 
 
@@ -431,7 +426,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         The format is not supported, the file is corrupt or cut off, it has no numeric channel, or
         the layout contradicts the file.
     """
-    data = _with_decimal_points(_without_end_mark(data))
+    data = _with_usual_numbers(data)
     recognized = _require_format(data, source, layout)
     name = recognized.format
     try:
@@ -485,12 +480,53 @@ def is_json(data: bytes) -> bool:
     return True
 
 
-def _without_end_mark(data: bytes) -> bytes:
-    """Return the content of a file without the end mark of a text file; binary files contain zero
+def _with_usual_numbers(data: bytes) -> bytes:
+    """Return the content of a text file in UTF-8 with numbers in the usual form: decimal points,
+    the minus sign of ASCII, no separators of thousands, and no end mark. Binary files contain zero
     bytes and are returned unchanged."""
-    if b"\x1a" not in data[-_HEADER_BYTES:] or b"\0" in data:
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.decode("utf-16", "replace").encode()
+    if b"\0" in data:
         return data
-    return re.sub(_END_OF_TEXT, b"", data)
+    if b"\x1a" in data[-_HEADER_BYTES:]:
+        data = re.sub(_END_OF_TEXT, b"", data)
+    if _MINUS in data:
+        data = data.replace(_MINUS, b"-")
+    if b"," not in data:
+        return data
+    if b'"' in data:
+        data = _with_plain_quoted_numbers(data)
+    if b";" in data or b"\t" in data:
+        data = _GROUPED_CELL.sub(lambda cell: cell[0].replace(b",", b""), data)
+    return _with_decimal_points(data)
+
+
+_MINUS = "\N{MINUS SIGN}".encode()
+_GROUPED = rb"[-+]?[1-9]\d{0,2}(?:,\d{3})+\.\d+"
+_GROUPED_CELL = re.compile(
+    rb"(?<=[;\t])[ ]*" + _GROUPED + rb"(?=[ ]*[;\t\r\n])|^[ ]*" + _GROUPED + rb"(?=[;\t])",
+    re.MULTILINE,
+)
+"""Pattern of a cell between semicolons or tabs with separators of thousands, such as 1,005.4."""
+
+_QUOTED = rb'"\s*([-+]?\d+(?:,\d+)+(?:\.\d*)?(?:[EeDd][-+]?\d+)?)\s*"'
+_THOUSANDS = rb"[-+]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?"
+
+
+def _with_plain_quoted_numbers(data: bytes) -> bytes:
+    """Return a text file without the commas in numbers between quotation marks: separators of
+    thousands are omitted, decimal commas become points. Commas are separators of thousands if each
+    of these numbers may have them, and another number has a decimal point."""
+    quoted = {match[1] for match in re.finditer(_QUOTED, data)}
+    if not quoted:
+        return data
+    are_thousands = all(re.fullmatch(_THOUSANDS, text) for text in quoted) and (
+        any(b"." in text for text in quoted) or bool(re.search(rb"\d\.\d", data))
+    )
+    mark = b"" if are_thousands else b"."
+    if not are_thousands and any(text.count(b",") > 1 or b"." in text for text in quoted):
+        return data
+    return re.sub(_QUOTED, lambda match: match[1].replace(b",", mark), data)
 
 
 _COMMA_NUMBER = rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?"
@@ -513,10 +549,6 @@ def _with_decimal_points(data: bytes) -> bytes:
     longer table a single such number is sufficient if numbers before a comma are negative, and if
     the numbers after the commas differ, but not in their length or some start with a zero.
     """
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.decode("utf-16", "replace").encode()
-    if b"," not in data or b"\0" in data:
-        return data
     lines = data[:_HEADER_BYTES].splitlines()
     if len(data) > _HEADER_BYTES:  # the last line may be cut off
         lines = lines[:-1] or data.splitlines()
@@ -568,9 +600,20 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
     """Return the format of a file. If it is not supported, the RecordError states the probable
     reason, such as a compressed file or a text table without a header, and the remedy.
     """
+    from tdint.ground_motion.reading.other_files import metadata_names
+
     recognized = _recognize(data, layout)
+    is_text = recognized is None or recognized.format == TEXT_TABLE
+    if is_text and (names := metadata_names(data)):
+        raise OtherContent(
+            f"{source}: the file is a table of metadata ({', '.join(names[:5])}), not a ground "
+            "motion; specify the files of the ground motions",
+            "table of metadata",
+        )
     if recognized is not None:
         return recognized
+    if data[_TAR_MARK] == b"ustar":
+        raise RecordError(f"{source}: the file is a tar archive; extract its files first")
     for first_bytes, program in _COMPRESSIONS.items():
         if data.startswith(first_bytes):
             raise RecordError(f"{source}: the file is compressed ({program}); uncompress it first")
@@ -609,7 +652,7 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
         from tdint.ground_motion.formats.text import find_table  # needed only for tables
 
         table = None if is_json(data) else find_table(data, layout)
-    return _Recognized(TEXT_TABLE, table.read, table.is_record) if table else None
+    return _Recognized(TEXT_TABLE, table.read) if table else None
 
 
 def _recognizes(plugin: Plugin, data: bytes) -> bool:

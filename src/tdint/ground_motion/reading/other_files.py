@@ -4,7 +4,9 @@ acceleration that is in another file."""
 
 from __future__ import annotations
 
+import csv
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
@@ -14,7 +16,7 @@ _START = 4096  # bytes; start of a file where its type is recognized
 
 _DOCUMENT_SUFFIXES = re.compile(
     r"\.(?:md|rst|rtf|pdf|docx?|odt|pptx?|html?|xml|kml|kmz|png|jpe?g|gif|tiff?|svg|bib|py|ipynb|r|"
-    r"sh|bat|exe|db|ini|lnk|url|ya?ml)",
+    r"sh|bat|exe|db|ini|lnk|url|ya?ml|pptx?|eps|bmp|webp|mp4|mov|avi|pyc|tex|css|js|toml|cfg)",
     re.IGNORECASE,
 )
 """Pattern of suffixes of files that never contain the samples of a ground motion."""
@@ -35,7 +37,7 @@ _LIST = re.compile(
 """Pattern of the first name of a table that lists records or contains results of records."""
 
 _SEARCH = re.compile(
-    rb"PEER (?:Ground Motion|NGA).{0,40}Database|Record Sequence Number|"
+    rb"PEER (?:Ground Motion|NGA).{0,40}Database(?! Record\b)|Record Sequence Number|"
     rb"Scaled Spectra used in Search",
     re.IGNORECASE,
 )
@@ -61,6 +63,87 @@ def other_type(name: str, data: bytes) -> str:
     if _RESULT.match(start) or _LIST.match(start):
         return "description or list of records"
     return ""
+
+
+_METADATA = re.compile(
+    r"rsn|record sequence.*|eqid|evid|(?:event|earthquake|eq|quake)\b.*|year|date|month|"
+    r"(?:station|sta|site|network|net)\b.*|ssn|(?:m|mw|ml|mag|magnitude)\b.*|mechanism|"
+    r"(?:clstd|rrup|rjb|rx|repi|rhyp|epid|hypd|jb|closest|epicentral|hypocentral|dist|distance)\b.*|"
+    r"vs30.*|lat|latitude.*|lon|long|longitude.*|(?:hypocenter )?depth.*|strike|dip|rake|azimuth|"
+    r"pg[avd]\b.*|arias.*|cav.*|file ?names?.*|(?:lowest )?usable.*|[hl]p\b.*|t\d+\.?\d*s|"
+    r"(?:significant )?duration.*|d5-?(?:75|95).*|scale factor.*"
+)
+"""Pattern of a column name of a table of records (flatfile), in lower case with blanks."""
+
+_MIN_METADATA = 3  # names; a table of samples may have a column of the station or of the peak
+_MAX_NAME_LINE = 30  # lines above the table
+_MIN_RECTANGULAR = 0.8  # fraction of the lines with as many cells as names
+
+
+def metadata_names(data: bytes) -> list[str]:
+    """Return the names of metadata in the header of a table of records; empty for other files.
+
+    At least three columns must be named so, and the lines below must have as many cells as the
+    line of the names: metadata above the samples of a record are no such table.
+    """
+    lines = data[: 16 * _START].decode("utf-8", "replace").splitlines()
+    rows = [line for line in lines if line.strip(" \t,;")]
+    for index, line in enumerate(rows[:_MAX_NAME_LINE]):
+        mark = max("\t;,|", key=line.count)
+        if line.count(mark) < _MIN_METADATA:
+            continue
+        cells = next(csv.reader([line], delimiter=mark))
+        plain = [re.sub(r"[\W_]+", " ", cell.lower()).strip() for cell in cells]
+        names = [cell for cell, name in zip(cells, plain, strict=True) if _METADATA.fullmatch(name)]
+        if len(names) < _MIN_METADATA:
+            continue
+        below = [*csv.reader(rows[index + 1 : -1] or rows[index + 1 :], delimiter=mark)]
+        same = sum(len(row) == len(cells) for row in below)
+        if same and same >= _MIN_RECTANGULAR * len(below):
+            return names
+    return []
+
+
+_FEW_NUMBERS = 20
+"""Numbers in rows; a file with fewer numbers is no ground motion."""
+
+_MARKS = re.compile(r"(?:[\s,;|/=<>{}\[\]()\"']|(?<=\d):(?=[-+.\d])|(?<=\"):)+")
+_CELLS = re.compile("[,;\t|]")
+_TAG_OR_CLOCK = re.compile(
+    r"</?[a-z][^<>]*>|(?<![.\d])\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?(?!\.?\d)", re.I
+)
+_JSON_PAIR = re.compile(r'"([^"]*)"\s*:\s*[-+.\deE]+')
+_NUMBER_WORD = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[EeDd][-+]?\d+)?[a-z%^]{0,4}\d?")
+
+
+def has_few_numbers(data: bytes) -> bool:
+    """Return True if a text has fewer than 20 numbers in rows, whatever separates the numbers.
+
+    A row has at least as many numbers as other words, and starts with a number unless it has
+    several: `0.01 g` and `t=0.1 a=0.2` are rows, `Depth: 5 km` and `Event 3 at noon` are not. The
+    lines of a table with columns of text, which have numbers in the same cells, are also rows. A
+    value of a JSON object counts if its key is repeated as the name of a column. Binary data may
+    contain numbers.
+    """
+    if b"\0" in data:
+        return False
+    text = _TAG_OR_CLOCK.sub(
+        lambda match: " " if match[0][0] == "<" else " clock ", data.decode("utf-8", "replace")
+    )
+    keys = Counter(_JSON_PAIR.findall(text))
+    text = _JSON_PAIR.sub(lambda pair: pair[0] if keys[pair[1]] >= _FEW_NUMBERS // 2 else " ", text)
+    found, forms = 0, Counter[tuple[bool, ...]]()
+    for line in text.splitlines():
+        cells = [bool(_NUMBER_WORD.fullmatch(cell.strip(" \"'"))) for cell in _CELLS.split(line)]
+        forms[tuple(cells)] += len(cells) >= _MIN_METADATA
+        words = [word for word in _MARKS.split(line) if word]
+        are_numbers = [bool(_NUMBER_WORD.fullmatch(word)) for word in words]
+        count = sum(are_numbers)
+        if 2 * count >= len(words) and (count > 1 or are_numbers[:1] == [True]):
+            found += count
+    # The numbers of a table with columns of text
+    found += max((count * sum(form) for form, count in forms.items()), default=0)
+    return found < _FEW_NUMBERS
 
 
 def has_data_suffix(name: str) -> bool:

@@ -44,6 +44,7 @@ from tdint.ground_motion.record import (
     Input,
     Record,
     component_of,
+    has_one_sign,
     masked_samples,
     peak_warnings,
     station_of,
@@ -440,7 +441,7 @@ def channel_records(
         instruments = read_instruments(inventory)
     records = []
     for channel, trace in components:
-        record = _to_record(channel, trace, specified, instruments, choice.quantity)
+        record = _to_record(channel, trace, specified, instruments, choice)
         inputs = [input_file]
         # The inventory is an input of a record only if its response was used.
         if instruments is not None and record.units_from == "inventory":
@@ -618,16 +619,19 @@ def _unambiguous_names(channels: Sequence[_Channel], others: Sequence[_Channel] 
     return ", ".join(channel.label for channel in channels)
 
 
+_AS_STATED = RecordChoice()
+
+
 def _to_record(
     channel: _Channel,
     trace: Any,
     specified: FileUnits,
     instruments: Instruments | None,
-    quantity: str = "",
+    choice: RecordChoice = _AS_STATED,
 ) -> Record:
     """Convert a channel to a record with an acceleration in m/s^2.
 
-    `quantity` is the quantity that its samples must have (`RecordChoice`).
+    `choice` states the quantity that its samples must have, and whether they may be of one sign.
 
     The instrument response is removed if an inventory is specified and the units of the samples are
     not known from the user or from the file. Warnings are stored in the record and logged.
@@ -649,7 +653,7 @@ def _to_record(
         or not lacks_units
         or declared_units(trace, contents.format, label, units)
     ):
-        motion = to_acceleration(trace, contents.format, units, label, quantity)
+        motion = to_acceleration(trace, contents.format, units, label, choice.quantity)
         if instruments is not None:
             unused = f"the inventory is not used, because the units are known ({motion.units})"
             motion = motion._replace(notes=(*motion.notes, unused))
@@ -670,10 +674,13 @@ def _to_record(
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, label)
     check_possible(motion.samples, label)
+    # A displacement of the ground that the user requests may be a permanent offset.
+    may_be_one_sided = choice.layout.one_sided or choice.quantity == "displacement"
     warnings = (
         *motion.warnings,
         *peak_warnings(float(np.max(np.abs(motion.samples), initial=0.0))),
         *first_sample_warnings(motion.samples),
+        *([] if may_be_one_sided else _sign_warnings(trace, motion)),
     )
     for warning in warnings:
         _LOGGER.warning("%s: %s", label, warning)
@@ -694,6 +701,17 @@ def _to_record(
         event=_event(trace),
         is_one_of_several=channel.is_one_of_several,
     )
+
+
+def _sign_warnings(trace: Any, motion: Motion) -> list[str]:
+    """Return a warning if the samples of a file, before a differentiation, have one sign."""
+    samples = motion.samples if motion.quantity == "acceleration" else np.asarray(trace.data)
+    if not has_one_sign(samples):
+        return []
+    return [
+        "no sample is below zero, or none is above: check that the values are not a spectrum, a "
+        "list of peaks or a resultant; if they are a pulse of one sign, specify `one_sided`"
+    ]
 
 
 def _event(trace: Any) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from tdint.errors import RecordError, UsageError, did_you_mean
-from tdint.files import STDIN
+from tdint.files import STDIN, pattern_of
 from tdint.units import Units, parse_units
 
 SampleUnits = str | Mapping[str, str]
@@ -242,6 +242,6 @@ def _to_pattern(name: str) -> str:
         return name.lower()
     # Parent directories (..) have no known name and are removed; the remaining parts are the end of
     # a path.
-    parts = PurePosixPath(Path(name).as_posix().lower()).parts
+    parts = PurePosixPath(Path(pattern_of(name)).as_posix().lower()).parts
     path = PurePosixPath(*(part for part in parts if part != ".."))
     return str(path) if path.is_absolute() else f"{_RELATIVE_PREFIX}{path}"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tdint.errors import RecordError, UsageError
-from tdint.files import STDIN, is_file, is_folder, is_set, protect_input
+from tdint.files import STDIN, is_file, is_folder, is_set, pattern_of, protect_input
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.duplicates import first_copies
 from tdint.ground_motion.horizontals import (
@@ -99,7 +99,7 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     for argument in arguments:
         named = [argument]
         if not is_folder(argument) and is_set(argument):
-            named = sorted(glob.glob(argument))  # noqa: PTH207  keeps the user's spelling
+            named = sorted(glob.glob(pattern_of(argument)))  # noqa: PTH207  keeps the user's spelling
         if not named:
             failures.append(RecordError(f"{argument}: no file matches this pattern"))
         for name in named:

@@ -117,6 +117,7 @@ LAYOUT = (
     ),
     Key("skip_lines", Integer(0, MAX_SKIPPED_LINES), "lines before the numbers"),
     Key("rows", Flag(), "the lines of a text table continue one ground motion"),
+    Key("one_sided", Flag(), "the samples of one sign are a pulse, no spectrum and no resultant"),
 )
 
 

@@ -13,7 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unicodedata import category
 
+from tdint.errors import UsageError
+from tdint.files import STDIN
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import USUAL, PairNames
 from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
@@ -38,8 +41,8 @@ UNITS = Key(
 FILES = (
     Key(
         "files",
-        EntriesOf(TextLine(), least=1),
-        "records, patterns (*.AT2) and directories of records, relative to this file",
+        Either((TextLine(), EntriesOf(TextLine(), least=1))),
+        "record, or list of records, patterns (*.AT2) and directories, relative to this file",
     ),
     Key(
         "component",
@@ -57,7 +60,7 @@ FILES = (
     *PROCESSING,
 )
 _DESCRIPTION = Keys((*FILES, UNITS))
-_OTHER_YAML = frozenset(("stories", "building", "buildings", "matrices", "records"))
+_OTHER_YAML = frozenset(("stories", "building", "buildings", "matrices"))
 """Keys of model files and campaign files, which are no descriptions of records."""
 
 
@@ -149,9 +152,21 @@ def description_text(files: Sequence[str], choice: RecordChoice, folder: Path) -
         Files, patterns and directories, relative to the working directory.
     folder : Path
         Directory of the description; its paths are relative to this directory.
+
+    Raises
+    ------
+    UsageError
+        A name cannot be read from a description: standard input, or a control character.
     """
     lines = ["files:"]
     for file in files:
+        is_plain = not any(category(character) in _CONTROLS for character in file)
+        if file == STDIN or not is_plain:
+            reason = "standard input" if file == STDIN else "a name with control characters"
+            raise UsageError(
+                f"{file!a}: a description of records cannot contain {reason}; use a file with "
+                "another name"
+            )
         path = file if os.path.isabs(file) else os.path.relpath(file, folder)  # noqa: PTH117
         lines.append(f"  - {_scalar(path)}")
     for name, value in stated_settings(choice).items():
@@ -167,6 +182,10 @@ def stated_settings(choice: RecordChoice) -> dict[str, Any]:
     stated = {name: value for name, value in settings.items() if value is not None}
     return stated | choice.layout.set_fields() | choice.processing.set_fields()
 
+
+_CONTROLS = ("Cc", "Cs", "Zl", "Zp")
+"""Unicode categories of control characters and of line ends, which a text of YAML cannot contain
+on one line."""
 
 _PLAIN = re.compile(r"[A-Za-z/.][\w/.^-]*")
 _WORDS = frozenset(("true", "false", "yes", "no", "on", "off", "null", "nan", "inf"))

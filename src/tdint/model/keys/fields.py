@@ -915,9 +915,11 @@ class Section:
 
     def files(self, name: str, expected: str, empty: str) -> tuple[str, ...]:
         """Return the paths in a list of files (see `Value.items` and `Value.file`), without the
-        invalid paths; empty if the list is missing or invalid."""
+        invalid paths; empty if the list is missing or invalid. A single path needs no list if the
+        type of the entry allows a text."""
         value = self.get(name)
-        items = value.items(expected, empty) if value else None
+        is_single = value is not None and isinstance(value.type, Either) and bool(value.word)
+        items = [value] if value and is_single else value.items(expected, empty) if value else None
         return tuple(filter(None, (item.file() for item in items or ())))
 
 

@@ -22,10 +22,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tdint.arrays import Array
-from tdint.csv_table import CsvTable, read_table
+from tdint.csv_table import CsvTable, Header, read_table
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.files import read_whole, record_digest
-from tdint.ground_motion.formats.table_columns import SECONDS, name_and_units
+from tdint.ground_motion.formats.table_columns import (
+    SECONDS,
+    interpret_names,
+    name_and_units,
+    split_names,
+    with_units,
+)
 from tdint.ground_motion.record import Input, Record
 from tdint.number_parsing import parse_named, parse_positive, parse_ratio, pluralize
 from tdint.response.spectra.elastic import Spectrum
@@ -217,8 +223,6 @@ _MULTI_PERIOD_PATTERN = re.compile(
 )
 _MAX_BYTES = 1_000_000  # maximum size of a file of the USGS service, which has about 10 000 bytes
 _MAX_SA = 10.0  # g; values of ASCE 7-22 are below 5, a larger value is probably in m/s^2
-_PERIOD_NAMES = ("t", "period", "periods")
-_ACCELERATION_NAME = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
 _NEEDS = (
     "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2, or a design "
     "spectrum by name, such as asce7:sds=1.0,sd1=0.6,tl=8"
@@ -361,7 +365,7 @@ def read_target(source: str) -> TargetSpectrum:
     if match := _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         return _multi_period(source, match[1].lower(), match[2] or "")
     if (named := _name_and_parameters(source)) is None:
-        table = read_table(source, _NEEDS)
+        table = read_table(source, _NEEDS, find_header=find_spectrum_header)
         table.only("damping")  # raises an error for the spectra of several ratios
         damping = table.numbers("damping")[0] if table.has("damping") else None
         return _read_points(table, damping)
@@ -430,7 +434,7 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     """
     named = _name_and_parameters(source)
     if named is None and not _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
-        table = read_table(source, _NEEDS)
+        table = read_table(source, _NEEDS, find_header=find_spectrum_header)
         if table.has("damping"):
             return tuple(_read_points(_with_damping(table, ratio), ratio) for ratio in dampings)
         if len(dampings) == 1:
@@ -530,33 +534,29 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
     accelerations. ModelError is raised if a column is missing, or its values are invalid.
     """
     # Columns of pseudo-acceleration have precedence over other accelerations.
-    columns = [(name, *name_and_units(name)) for name in table.header]
-    in_seconds = (
-        name
-        for name, quantity, unit in columns
-        if quantity in _PERIOD_NAMES and unit in ("", "s", "sec")
-    )
-    period = next(in_seconds, "period_s")  # a missing column is reported by its default name
-    values = [
-        name
-        for name, quantity, unit in columns
-        if _ACCELERATION_NAME.fullmatch(quantity) and canonical(unit) in ACCELERATION
-    ]
-    values = [name for name in values if "psa" in name] or values
+    period, factor_of_periods = _period_column(table, ModelError)
+    columns = [(title, *spectral_name(title)) for title in table.titles]
+    values = [title for title, quantity, _ in columns if quantity in ("psa", "sa")]
+    with_units = [title for title in values if canonical(spectral_name(title)[1]) in ACCELERATION]
+    if values and not with_units:
+        raise ModelError(
+            f"{table.source}:{table.header_line}: the name of the column {values[0][:40]!r} must "
+            "contain its unit, such as Sa (g)"
+        )
+    values = [title for title in with_units if spectral_name(title)[0] == "psa"] or with_units
     if not values:
         raise ModelError(
-            f"{table.source}:1: no column of accelerations, such as sa_g or sa_m_s2, among "
-            f"{pluralize(len(table.header), 'column')}"
+            f"{table.source}:{table.header_line}: no column of accelerations, such as sa_g or "
+            f"sa_m_s2, among {pluralize(len(table.header), 'column')}"
         )
     if len(values) > 1:
         raise ModelError(
-            f"{table.source}:1: the table contains several spectra, {', '.join(values)}; keep only "
-            "one of these columns"
+            f"{table.source}:{table.header_line}: the table contains several spectra, "
+            f"{', '.join(values)}; keep only one of these columns"
         )
     value = values[0]
-    _, unit_of_value = name_and_units(value)
-    factor = ACCELERATION[canonical(unit_of_value)]
-    periods = np.array(table.numbers(period))
+    factor = ACCELERATION[canonical(spectral_name(value)[1])]
+    periods = factor_of_periods * np.array(table.numbers(period))
     psa = factor * np.array(table.numbers(value, positive=True))
     not_increasing = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
     if not_increasing.size or periods[0] < 0.0:
@@ -571,6 +571,65 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
         raise ModelError(f"{table.source}: a spectrum requires at least two positive periods")
     zero = None if positive[0] else float(psa[0])
     return TargetSpectrum(table.source, periods[positive], psa[positive], zero, damping)
+
+
+# ---- Names of the columns of spectra
+
+_OF = r"(?:(?:rotd\d+|geometric mean|geomean|mean|median|target|design|elastic|srss) )?"
+_SPECTRAL_NAMES = {
+    "period": r"t|tn|t1|(?:(?:natural|structural|oscillator|vibration) )?(?:periods?|periodos?|"
+    r"periodes?|periode|perioden|schwingungsdauer)(?: t)?",
+    "psa": rf"{_OF}(?:psa|pseudo[- ]?(?:spectral )?acc(?:el|eleration)?\.?)",
+    "sa": rf"{_OF}(?:sa|sae|se|(?:spectral )?acc(?:el|eleration)?\.?|a|spectrum|design spectrum)",
+    "psv": r"psv|pseudo[- ]?(?:spectral )?velocity",
+    "sv": r"sv|(?:spectral )?velocity",
+    "sd": r"sd|(?:spectral )?disp(?:l|lacement)?\.?",
+}
+"""Patterns of the names of columns, in lower case with blanks and without units."""
+
+_MAX_TITLES = 20  # lines above the names of the columns
+
+
+def spectral_name(title: str) -> tuple[str, str]:
+    """Return the meaning of a column of a spectrum, `period` or a key of `QUANTITIES`, empty for
+    another name, and its unit. `Sa(T) (g)`, `sa_g` and `Spectral Acceleration [g]` are equivalent.
+    """
+    name, unit = name_and_units(re.sub(r"(?i)\s*\((?:tn?\d?|\d+ ?%)\)", "", title))
+    found = (key for key, names in _SPECTRAL_NAMES.items() if re.fullmatch(names, name))
+    return next(found, ""), unit
+
+
+def find_spectrum_header(lines: Sequence[str]) -> Header | None:
+    """Return the line of the names in the first lines of a spectrum, which titles may precede and
+    a line of units may follow; None if the lines name no period and no ordinate.
+
+    The separator is that of the numbers below, which may be blanks.
+    """
+    for number, line in enumerate(lines[:_MAX_TITLES], start=1):
+        below = [text.strip() for text in lines[number : number + 3] if text.strip()]
+        rows = below[-1] if below else ""
+        has_decimal_commas = re.fullmatch(r"[\d,Ee+-]+\s+[\d,Ee+-]+", rows)
+        mark = next((m for m in "\t;," if m in rows and not (m == "," and has_decimal_commas)), " ")
+        cells = split_names(line, mark)
+        names = interpret_names(cells if len(cells) > 1 else split_names(line, ""))
+        meanings = {spectral_name(name.text)[0] for name in names}
+        if "period" in meanings and meanings & set(QUANTITIES):
+            units = with_units(names, below[0], mark) if below else ()
+            return Header(number + bool(units), mark, [name.text for name in units or names])
+    return None
+
+
+def _period_column(table: CsvTable, error: type[TdintError]) -> tuple[str, float]:
+    """Return the name of the column of periods, and the value of its unit, s."""
+    for title in table.titles:
+        meaning, unit = spectral_name(title)
+        if meaning == "period" and unit in SECONDS:
+            return title, SECONDS[unit]
+    raise error(
+        f"{table.source}:{table.header_line}: no column of periods, such as period_s or T (s), "
+        f"among {pluralize(len(table.titles), 'column')}; the first line must contain the names, "
+        "such as T (s),Sa (g)"
+    )
 
 
 # ---- Published spectra and their differences from computed spectra
@@ -706,26 +765,19 @@ def read_published(
         The file contains several columns of values, and `column` is None.
     """
     needs = "a published spectrum is a CSV file with periods, values and their units"
-    table = read_table(str(source), needs, error=RecordError)
+    table = read_table(str(source), needs, error=RecordError, find_header=find_spectrum_header)
     if len(table.rows) < _MIN_ROWS:
         raise RecordError(
             f"{source}: the table must have at least {_MIN_ROWS} rows, got {len(table.rows)}"
         )
-    columns = [name_and_units(text) for text in table.titles]
-    index = next((i for i, (name, _) in enumerate(columns) if name in _PERIOD_NAMES), None)
-    if index is None:
-        raise RecordError(
-            f"{table.source}: no column of periods, such as period_s, among "
-            f"{pluralize(len(table.titles), 'column')}"
-        )
-    text, units = table.titles[index], columns[index][1]
-    if not units or units not in SECONDS:
+    text, second = _period_column(table, RecordError)
+    if not spectral_name(text)[1]:
         raise RecordError(
             f"{table.source}: the name of the column {text!r} must contain its unit, such as "
             "period_s"
         )
     quantity, values = _values(table, column)
-    periods = SECONDS[units] * np.array(table.numbers(text))
+    periods = second * np.array(table.numbers(text))
     # Sort them by period, because interpolation requires increasing periods.
     rows = np.argsort(periods, kind="stable")
     if table.has("damping"):
@@ -764,7 +816,7 @@ def _values(table: CsvTable, column: str | None) -> tuple[str, Array]:
     there are several columns of spectra and no name.
     """
     columns = {
-        text: name_and_units(text) for text in table.titles if name_and_units(text)[0] in QUANTITIES
+        text: spectral_name(text) for text in table.titles if spectral_name(text)[0] in QUANTITIES
     }
     if column is not None:
         table.need(column)
