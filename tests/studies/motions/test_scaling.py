@@ -330,10 +330,34 @@ def test_target_tables_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "header",
+    [
+        "Period (s){}Spectral Acceleration (g)",
+        "Design spectrum, soil C\nPeriod (s){}Sa (g)",
+        "A title\n\nT [s]{}PSA [g]",
+        "T{}Sa\ns{}g",
+        "# Tn (s){}Sa(T) (g)",
+        "period_s{0}acceleration_g",
+        "Periodo (s){}Pseudo-spectral acceleration (g)",
+    ],
+)
+@pytest.mark.parametrize("mark", [",", ";", "\t", "  "])
+def test_usual_forms_of_a_target(tmp_path, header, mark):
+    """Titles, units below the names, names in words, and blanks as separators."""
+    rows = [f"0.2{mark}0.5", f"0.5{mark}1.25", f"1.0{mark}0.75", ""]
+    file = tmp_path / "target.txt"
+    file.write_text("\n".join([header.replace("{0}", "{}").replace("{}", mark), *rows]))
+    target = read_target(str(file))
+    assert target.periods.tolist() == [0.2, 0.5, 1.0]
+    assert target.psa == pytest.approx(9.80665 * np.array([0.5, 1.25, 0.75]), rel=1e-12)
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("T (s),Sa\n1,2\n", "1: no column of accelerations, such as sa_g or sa_m_s2"),
-        ("sa_g\n1\n", "1: no column period_s"),
+        ("T (s),Sa\n1,2\n", "1: the name of the column 'Sa' must contain its unit"),
+        ("T (s),A1 (g)\n1,2\n", "1: no column of accelerations, such as sa_g or sa_m_s2"),
+        ("sa_g\n1\n", "1: no column of periods, such as period_s"),
         ("period_s,sa_g,psa_g\n1,2,x\n2,1,1\n", "2: psa_g must be a positive number, got 'x'"),
         ("period_s,sa_g,sa_m_s2\n1,2,3\n", "the table contains several spectra, sa_g, sa_m_s2"),
         ("period_s,sa_g\n1,2\n0.5,2\n", r"3: .*periods .* increase, got 0\.5 s"),

@@ -27,6 +27,7 @@ from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.files import read_whole, record_digest
 from tdint.ground_motion.formats.table_columns import (
     SECONDS,
+    any_names,
     interpret_names,
     name_and_units,
     split_names,
@@ -610,8 +611,9 @@ def find_spectrum_header(lines: Sequence[str]) -> Header | None:
         rows = below[-1] if below else ""
         has_decimal_commas = re.fullmatch(r"[\d,Ee+-]+\s+[\d,Ee+-]+", rows)
         mark = next((m for m in "\t;," if m in rows and not (m == "," and has_decimal_commas)), " ")
-        cells = split_names(line, mark)
-        names = interpret_names(cells if len(cells) > 1 else split_names(line, ""))
+        width = len(rows.split(mark if mark != " " else None))
+        text = re.sub(r"^\s*[#%!]+\s*", "", line)
+        names = any_names(text, mark, width) or interpret_names(split_names(text, mark))
         meanings = {spectral_name(name.text)[0] for name in names}
         if "period" in meanings and meanings & set(QUANTITIES):
             units = with_units(names, below[0], mark) if below else ()
