@@ -50,7 +50,13 @@ def test_info_of_a_directory(tables, tdint, column, names, factor):
     assert "words.txt" in result.stderr
     layout = json.loads((tables / "info.json").read_text())["settings"]["layout"]
     columns = ["floor"] if column else ["1", "2"]
-    assert layout == {"step": 0.01, "column": columns, "skip_lines": 2, "rows": False, "one_sided": False}
+    assert layout == {
+        "step": 0.01,
+        "column": columns,
+        "skip_lines": 2,
+        "rows": False,
+        "one_sided": False,
+    }
 
 
 def test_run_by_the_model_and_by_options(tables, tdint):
