@@ -1,24 +1,26 @@
 """Read and write files.
 
 Files are written completely or not at all: under a temporary name in the same directory, and
-renamed after all of them have been written.
+renamed after all of them have been written. A journal in the directory lists the files that are
+renamed together: if the process is killed, the next command completes the renaming (`settle`).
 """
 
 from __future__ import annotations
 
 import glob
+import json
 import os
 import re
 import stat
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from tdint.errors import OutputError, TdintError
-from tdint.system import hold_signals, is_running, process_start, this_host
+from tdint.system import hold_signals, is_running, locked, process_start, this_host
 
 # ---- Read an input, which is a file or standard input, up to a maximum size. Inputs that may never
 # end are refused.
@@ -49,6 +51,7 @@ def protect_input(source: str | Path) -> None:
     `-` is the file that standard input is redirected from. Inputs that are not regular files, such
     as pipes, need no protection.
     """
+    settle(Path(source).parent, is_read=True)
     protected = PROTECTED.get()
     if protected is None:
         return
@@ -274,6 +277,7 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
             if real in seen:
                 raise OutputError(f"{file}: two outputs have this file name; rename one of them")
             seen.add(real)
+            settle(Path(real).parent)
             refuse_protected([file])
             folder = _nearest_folder(file)
             if not is_folder(folder):
@@ -311,8 +315,9 @@ def write_files(
 
     All files are written under temporary names first and renamed afterwards. After an error or a
     signal before that, the directory is unchanged; a signal during the renaming is handled after
-    it. The files that several new files replace are removed before the first of these is renamed:
-    even if the process is killed, new files are never next to earlier ones. Symbolic links are
+    it. If the process is killed during the renaming, the next command that reads or writes in the
+    directory completes it (`settle`). The files that several new files replace are removed before
+    the first of these is renamed: new files are never next to earlier ones. Symbolic links are
     followed. Temporary files of killed processes are removed from the directories.
 
     `contents` is the content of each file, or a function that writes it to a binary stream. `stale`
@@ -353,11 +358,10 @@ def write_files(
         if on_written:
             on_written(digests())
         ready = {**temporaries, **(complete or {})}
+        removed = _removable(stale or {}, ready) if overwrite else []
+        folders = {temporary.parent for temporary in temporaries.values()}
         with hold_signals():
-            if overwrite:
-                _remove_replaced(ready if len(ready) > 1 else (), stale or {}, ready)
-            for file, temporary in ready.items():
-                _move(temporary, file, overwrite)
+            _rename_together(ready, removed, overwrite, on_commit=temporaries.clear)
     except BaseException:
         for temporary in temporaries.values():
             with suppress(OSError):
@@ -368,23 +372,202 @@ def write_files(
         raise
     finally:
         _unfinished.difference_update(temporaries.values())
-    for folder in {temporary.parent for temporary in temporaries.values()}:
+    for folder in folders:
         remove_abandoned(folder)
 
 
-def _remove_replaced(
-    replaced: Iterable[Path], stale: Mapping[Path, str], ready: Mapping[Path, Path]
+def _removable(stale: Mapping[Path, str], ready: Mapping[Path, Path]) -> list[Path]:
+    """Return the files of an earlier run that would not match the new files, `ready`, and whose
+    content is unchanged (SHA-256)."""
+    new_files = {os.path.realpath(file) for file in ready}
+    return [
+        file
+        for file, digest in stale.items()
+        if os.path.realpath(file) not in new_files
+        and not file.is_symlink()
+        and file.is_file()
+        and not is_protected(file)
+        and digest in ("", digest_of(file))
+    ]
+
+
+# ---- Journal of the files that are renamed together. The journal of a directory is also the lock
+# of the renaming in it. It lists names in its own directory only, because a directory may come from
+# somebody else; a command that only reads from the directory uses it only if this machine wrote it.
+# If the files are in several directories, the journal of the first one is written last: it makes
+# the others valid.
+
+_JOURNAL = ".tdint-journal"
+
+
+class _Journal(NamedTuple):
+    """Content of a journal.
+
+    Attributes
+    ----------
+    host : str
+        Machine that wrote the journal.
+    identifier : str
+        Common text of the journals that belong together.
+    folders : list of str
+        Their directories. The journal of the first one is written last; without it, the others are
+        not valid.
+    renamed : dict of str to str
+        Temporary and final names.
+    removed : list of str
+        Names of files to be removed.
+    overwrite : bool
+        True if existing files are replaced.
+    """
+
+    host: str
+    identifier: str
+    folders: list[str]
+    renamed: dict[str, str]
+    removed: list[str]
+    overwrite: bool
+
+
+def _rename_together(
+    ready: Mapping[Path, Path],
+    removed: Sequence[Path],
+    overwrite: bool,
+    on_commit: Callable[[], object],
 ) -> None:
-    """Remove the files that will be replaced, and the files of an earlier run that would not match
-    the new files, `ready`, if their content is unchanged (SHA-256)."""
-    for file in replaced:
-        with _as_output_error(file):
-            Path(os.path.realpath(file)).unlink(missing_ok=True)
-    for file, digest in stale.items():
-        is_removable = not file.is_symlink() and file.is_file() and not is_protected(file)
-        if file not in ready and is_removable and digest in ("", digest_of(file)):
+    """Rename files to their final names, and remove others. `on_commit` is called as soon as the
+    temporary files must not be removed after an error, because a later call completes the
+    renaming."""
+    if len(ready) == 1 and not removed:
+        ((file, temporary),) = ready.items()
+        _move(temporary, file, overwrite)
+        return
+    changes: dict[str, tuple[dict[str, str], list[str]]] = {}
+    for file, temporary in ready.items():
+        folder, target = os.path.realpath(temporary.parent), Path(os.path.realpath(file))
+        # The store of a campaign replaces a symbolic link to another directory.
+        name = target.name if str(target.parent) == folder else file.name
+        changes.setdefault(folder, ({}, []))[0][temporary.name] = name
+    for file in removed:
+        changes.setdefault(os.path.realpath(file.parent), ({}, []))[1].append(file.name)
+    # Directories are locked in the order of their names, so that two processes cannot wait for each
+    # other.
+    folders, identifier = sorted(changes), os.urandom(8).hex()
+    journals = {
+        Path(folder): _Journal(this_host(), identifier, folders, *changes[folder], overwrite)
+        for folder in folders
+    }
+    with ExitStack() as stack:
+        for file in (folder / _JOURNAL for folder in journals):
+            stack.enter_context(locked(file, on_wait=lambda: None))
+            if is_file(file) and file.stat().st_size:
+                raise OutputError(
+                    f"{file}: a command was killed while it renamed files here; repeat the "
+                    "command, or remove this file"
+                )
+        for file in () if overwrite else ready:
+            if file.exists():
+                raise _exists(file)
+        if overwrite:  # the earlier files are removed before the new ones are renamed
+            _flush(ready.values())
+        for folder in reversed(folders):
+            file = Path(folder) / _JOURNAL
             with _as_output_error(file):
-                file.unlink(missing_ok=True)
+                file.touch()
+                _flush([file], json.dumps(journals[Path(folder)]).encode())
+        _unfinished.difference_update(ready.values())
+        on_commit()
+        _carry_out(journals)
+
+
+def _flush(files: Iterable[Path], content: bytes | None = None) -> None:
+    """Write the content of files to the disk. With `content`, this is their new content."""
+    for file in files:
+        with file.open("r+b" if content is None else "wb") as stream:
+            stream.write(content or b"")
+            stream.flush()
+            os.fsync(stream.fileno())
+
+
+def _carry_out(journals: dict[Path, _Journal]) -> None:
+    """Remove and rename the files of journals, and remove the journals, the first one last. An
+    interrupted call can be repeated: files without a temporary file have been renamed.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be removed or renamed, or exists although it must not be replaced. The other
+        files have been renamed.
+    """
+    failure: OutputError | None = None
+    renamed = [
+        (folder / temporary, folder / name, journal.overwrite)
+        for folder, journal in journals.items()
+        for temporary, name in journal.renamed.items()
+        if is_there(folder / temporary)
+    ]
+    removed = [folder / name for folder, journal in journals.items() for name in journal.removed]
+    replaced = [file for _, file, overwrite in renamed if overwrite] if len(renamed) > 1 else []
+    for file in (*replaced, *removed):
+        with _as_output_error(file):
+            file.unlink(missing_ok=True)
+    for temporary, file, overwrite in renamed:
+        try:
+            _move(temporary, file, overwrite)
+        except OutputError as error:
+            failure = failure or error
+            if not overwrite:
+                temporary.unlink(missing_ok=True)
+    if failure is None or not all(overwrite for _, _, overwrite in renamed):
+        for folder in reversed(journals):
+            (folder / _JOURNAL).unlink(missing_ok=True)
+    if failure:
+        raise failure
+
+
+def settle(folder: Path, *, is_read: bool = False) -> None:
+    """Complete the renaming of files in a directory that a killed command has begun, or remove its
+    journal if the journal is not complete.
+
+    Nothing is done while the command is running, or if the directory cannot be written. With
+    `is_read`, the command does not write to the directory.
+    """
+
+    def refuse() -> None:
+        """Leave the journal of a running command to it."""
+        raise BlockingIOError
+
+    if not is_file(folder / _JOURNAL):
+        return
+    folder = Path(os.path.realpath(folder))
+    own = _read_journal(folder)
+    if is_read and own and own.host != this_host():
+        return
+    # The directory of a single journal may have another name now.
+    folders = [Path(name) for name in own.folders] if own and len(own.folders) > 1 else [folder]
+    journals = {}
+    with suppress(OSError, OutputError), ExitStack() as stack:
+        for name in folders:
+            if is_file(name / _JOURNAL):
+                stack.enter_context(locked(name / _JOURNAL, on_wait=refuse))
+                journal = _read_journal(name)
+                if journal and own and journal.identifier == own.identifier:
+                    journals[name] = journal
+        if folders[0] in journals:
+            _carry_out(journals)
+        else:
+            (folder / _JOURNAL).unlink(missing_ok=True)
+
+
+def _read_journal(folder: Path) -> _Journal | None:
+    """Return the journal of a directory; None if it is not complete, or lists names outside the
+    directory."""
+    try:
+        journal = _Journal(*json.loads((folder / _JOURNAL).read_bytes()))
+        names = (*journal.renamed, *journal.renamed.values(), *journal.removed)
+        is_valid = journal.folders and all(Path(name).name == name for name in names)
+    except (OSError, ValueError, TypeError, AttributeError):
+        return None
+    return journal if is_valid else None
 
 
 def digest_of(file: Path) -> str:
@@ -434,8 +617,11 @@ def remove_abandoned(folder: Path) -> None:
     """Remove the temporary files of terminated processes of the machine from a directory.
 
     Files of other machines remain, because this machine cannot determine if their processes still
-    run.
+    run. Files that a killed command has begun to rename get their final names.
     """
+    settle(folder)
+    if is_there(folder / _JOURNAL):  # another process is renaming files
+        return
     for temporary in folder.glob(_TEMPORARY.format("*")):
         with suppress(OSError):
             writer = re.fullmatch(_TEMPORARY_PATTERN, temporary.name)

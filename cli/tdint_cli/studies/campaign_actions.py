@@ -141,7 +141,9 @@ def merge(request: CampaignRequest) -> None:
     with locked(target):
         check_names(target, request)
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
-        with merge_stores(folders, target, partial=request.partial) as store:
+        with merge_stores(
+            folders, target, partial=request.partial, overwrite=request.overwrite
+        ) as store:
             apply_style(store.style(), str(target))
             if request.pair_demand is not None:
                 store.choose_pair_demand(request.pair_demand)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import check_outputs, is_there, refuse_protected, write_files
+from tdint.files import check_outputs, is_there, refuse_protected, settle, write_files
 from tdint.model.status import FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output import figures
@@ -153,7 +153,14 @@ def execute_campaign(
                 overwrite=request.overwrite,
             )
         else:
-            finish(results, folder, plan)  # write all tables, figures and the summary
+            part = range(plan.chunks) if shard is None else shard.chunks(plan)
+            if Path(store.name) == folder / FILE or store.completed_chunks().issuperset(part):
+                finish(results, folder, plan)  # write all tables, figures and the summary
+            else:
+                note(
+                    f"{folder}: the earlier campaign remains until all runs of the new one are "
+                    "done; continue with --overwrite"
+                )
             if show:
                 results.emit_runs()
         unmet_limits = _report(results, advance)
@@ -279,6 +286,8 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     OutputError
         A file cannot be written.
     """
+    if folder is not None:
+        settle(folder)
     may_replace = request.overwrite or (folder is not None and is_there(folder / FILE))
     report = Path(request.report) if request.report else None
     files = [file for file in (request.picture(folder), report) if file]
@@ -375,13 +384,6 @@ def finish(results: SuiteResults, folder: Path, plan: Plan | None = None) -> Non
         Buildings, motions and settings of the campaign. Floor spectra, the report and intensity
         measures are written only with a plan.
     """
-    is_replacement = Path(results.store.name) != folder / FILE
-    if is_replacement and not is_complete(results.store):
-        note(
-            f"{folder}: the earlier campaign remains until all runs of the new one are done; "
-            "continue with --overwrite"
-        )
-        return
     # Update only exports that an earlier call has written to this directory.
     optional = (*PARQUET, SIMCENTER, GEOJSON, DISTRICTS)
     existing_exports = [name for name in optional if results.store.is_ours(folder / name)]

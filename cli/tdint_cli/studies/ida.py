@@ -12,7 +12,7 @@ import click
 
 from tdint import studies
 from tdint.errors import UsageError
-from tdint.files import check_outputs, is_there, write_files
+from tdint.files import check_outputs, is_there, settle, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.system import processors
@@ -303,6 +303,8 @@ def _folder(request: IdaRequest) -> Path | None:
     pages = [Path(request.report)] if request.report else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else []), *pages]))
     # Files that an earlier call of the study has written may be replaced.
+    if folder:
+        settle(folder)
     store_file = folder / STORE if folder and is_there(folder / STORE) else None
     check_outputs(outputs, overwrite=request.overwrite or store_file is not None)
     if store_file and not request.overwrite:

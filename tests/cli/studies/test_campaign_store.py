@@ -259,6 +259,81 @@ def test_overwrite_does_not_restart_an_unchanged_campaign(
     assert tables("out") != done
 
 
+OTHER = STUDY.replace("1]", "3, 2]")
+EARLIER = {
+    "nothing": (),
+    "another campaign": ("campaign other.yaml -o new",),
+    "a shard of another campaign": ("campaign other.yaml --shard 1/2 -o new",),
+    "the other shard of another campaign": ("campaign other.yaml --shard 2/2 -o new",),
+    "a merged campaign": (
+        "campaign other.yaml --shard 1/2 -o x1",
+        "campaign other.yaml --shard 2/2 -o x2",
+        "campaign merge x1 x2 -o new",
+    ),
+    "an interrupted campaign": ("campaign other.yaml -o new --max-runs 1",),
+    "an interrupted replacement": (
+        "campaign other.yaml -o new",
+        "campaign third.yaml -o new --overwrite --max-runs 1",
+    ),
+    "an ida": ("ida shaken.yaml motion.mseed --units m/s^2 --im pga --threshold 1% -o new",),
+}
+NEW = {
+    "campaign": ("campaign study.yaml -o new --overwrite",),
+    "shard": ("campaign study.yaml --shard 1/2 -o new --overwrite",),
+    "shard in two calls": (
+        "campaign study.yaml --shard 1/2 -o new --overwrite --max-runs 1",
+        "campaign study.yaml --shard 1/2 -o new --overwrite",
+    ),
+    "merge": (
+        "campaign study.yaml --shard 1/2 -o s1",
+        "campaign study.yaml --shard 2/2 -o s2",
+        "campaign merge s1 s2 -o new --overwrite",
+    ),
+    "merge of a part": ("campaign merge out -o new --overwrite --partial",),
+}
+
+
+@pytest.mark.usefixtures("done")
+@pytest.mark.parametrize(("earlier", "new"), every(7, product(EARLIER, NEW)))
+def test_overwrite_replaces_any_earlier_result(earlier: str, new: str, tdint: Command) -> None:
+    """The results are those of the same commands in an empty directory. Repeating the last command
+    changes nothing."""
+    Path("other.yaml").write_text(OTHER)
+    Path("third.yaml").write_text(OTHER.replace("3, 2]", "4]"))
+    for line in NEW[new]:
+        tdint(*line.replace("-o new", "-o empty").split(), code=0)
+    for line in EARLIER[earlier]:
+        tdint(*line.split(), code=0)
+    before = {path: path.read_bytes() for path in Path("new").glob("*.csv")}
+    for line in NEW[new]:
+        tdint(*line.split(), code=0)
+        if Path("new", f"{FILE}.new").exists():  # the earlier result remains until then
+            assert {path: path.read_bytes() for path in Path("new").glob("*.csv")} == before
+
+    def results(folder: str) -> dict[str, bytes]:
+        return {path.name: path.read_bytes() for path in Path(folder).glob("*.csv")}
+
+    of_ida = {"capacities.csv"} if earlier == "an ida" else set()
+    found = {name: data for name, data in results("new").items() if name not in of_ida}
+    assert found == results("empty") != {}
+    tdint(*NEW[new][-1].split(), code=0)
+    assert {name: results("new")[name] for name in found} == found
+    assert not Path("new", f"{FILE}.new").exists()
+    tdint("campaign", "status", "new", code=0)
+
+
+@pytest.mark.usefixtures("done")
+def test_merge_into_another_campaign_names_the_remedy(tdint: Command) -> None:
+    Path("other.yaml").write_text(OTHER)
+    tdint("campaign", "other.yaml", "-o", "new", code=0)
+    before = {path: path.read_bytes() for path in Path("new").iterdir()}
+    result = tdint.refused(
+        "--overwrite to replace it", "campaign", "merge", "out", "-o", "new", code=6
+    )
+    assert "contains another campaign" in result.stderr
+    assert {path: path.read_bytes() for path in Path("new").iterdir()} == before
+
+
 def kept_open(*statements: str) -> None:
     """Change the store in another process that is killed, so that its log or journal remains."""
     script = (

@@ -57,6 +57,9 @@ def read_linear_stories(
     _refuse_devices(section, "`flexural` and `stiffness_matrix`")
     if not _fits(section.value, len(stories)):
         return None
+    if not any(story.mass for story in stories):
+        section.value.fault("at least one floor needs a mass")
+        return None
     if value is not None:
         if any(flexural):
             value.fault("cannot be used with `flexural` stories; give one of the two")

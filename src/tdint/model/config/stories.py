@@ -195,9 +195,10 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     if law.initial_stiffness is None:
         return result, None
 
-    # The initial stiffness follows from the parameters. It may be invalid although each parameter
-    # is valid.
-    stiffness = law.initial_stiffness(parameters) if parameters else math.nan
+    # The initial stiffness follows from the parameters, unless one of them has an error. It may be
+    # invalid although each parameter is valid.
+    is_known = parameters and not any(map(math.isnan, parameters))
+    stiffness = law.initial_stiffness(parameters) if is_known else math.nan
     # A law that stiffens may start without stiffness, next to a dashpot or in a chain with masses.
     is_without = stiffness == 0.0 and law.stiffens(parameters)
     if (stiffness <= 0.0 and not is_without) or stiffness == math.inf:
@@ -720,7 +721,9 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
         unit = unit._replace(length=unit.length / cosine, force=unit.force * cosine)
     parameters = _read_parameters(section, law, unit) if law.parameters else ()
     has_unknown = any(map(math.isnan, parameters))
-    stiffness_of_law = law.initial_stiffness(parameters) if law.initial_stiffness else None
+    stiffness_of_law = None
+    if law.initial_stiffness:
+        stiffness_of_law = math.nan if has_unknown else law.initial_stiffness(parameters)
     if any(parameter.path == "stiffness" for parameter in law.parameters):
         assert stiffness_of_law is not None
         stiffness = stiffness_of_law  # the law checks its own parameter

@@ -261,17 +261,28 @@ MODAL_SHARE = (
 )
 
 
+def _finite(values: Any) -> Any:
+    """Return numbers with nan, an empty cell, in place of infinity: the period and the damping
+    ratio of a mode without stiffness."""
+    return np.where(np.isfinite(values), values, np.nan)
+
+
 OVERVIEW = (
     Column("model", "text", "model.source", "model file"),
     Column.named("model.name", "name of the building", TEXT),
     Column.named("stories", "number of stories"),
     Column.named("height", "height of the building; empty if a story has no height", "m"),
     Column.named("mass", "total mass of the floors", "kg"),
-    Column("t1_s", "s", "period", "fundamental period of the initial stiffness, P-delta included"),
+    Column(
+        "t1_s",
+        "s",
+        lambda overview: float(_finite(overview.period)),
+        "fundamental period of the initial stiffness, P-delta included; empty without stiffness",
+    ),
     Column(
         "t1_damping",
         "1",
-        "damping",
+        lambda overview: float(_finite(overview.damping)),
         "viscous damping ratio of the first mode, without power-law dashpots and braced dampers",
     ),
     Column.named(
@@ -294,7 +305,12 @@ OVERVIEW_WITH_DAMPERS = (
 
 MODE = (
     Column("mode", "1", numbered("omega"), "mode number, from the longest period"),
-    Column.named("period", "natural period", "s"),
+    Column(
+        "period_s",
+        "s",
+        lambda modes: _finite(modes.period),
+        "natural period; empty without stiffness",
+    ),
     Column("frequency_hz", "Hz", "frequency", "natural frequency"),
 )
 MODE_END = (
@@ -314,7 +330,7 @@ def mode_damping(ratios: Any) -> Column:
     return Column(
         "damping",
         "1",
-        lambda modes: ratios,
+        lambda modes: _finite(ratios),
         "damping ratio; if damping couples the modes, of the mode without the coupling terms",
     )
 

@@ -37,6 +37,8 @@ from tdint.studies.store.opening import (
     open_replacement,
     open_store,
     open_written,
+    remove_store,
+    replacement_of,
 )
 from tdint.studies.store.result_store import FILE, Store, is_empty
 from tdint.system import on_threads, processors
@@ -367,7 +369,9 @@ the first column of the table of chunks."""
 _log = logging.getLogger(__name__)
 
 
-def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> Store:
+def merge(
+    folders: Sequence[Path], target: Path, *, partial: bool = False, overwrite: bool = False
+) -> Store:
     """Merge the stores of shards of a single campaign into the store in `target`. Chunks that
     several stores contain are copied once.
 
@@ -375,6 +379,9 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     ----------
     partial : bool
         True to accept missing runs.
+    overwrite : bool
+        True to replace another campaign in `target`: the merged store then has the name that
+        `replacement_of` returns.
 
     Raises
     ------
@@ -392,22 +399,16 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
         with open_existing(directory) as source:
             parts.append(_read_part(directory, source))
         _check_same_campaign(parts[0], parts[-1])
-    # Chunks that an earlier call has copied to the target are not missing. If the target does not
-    # exist or contains no campaign, `open_existing` raises UsageError, which is ignored.
-    parts_and_target = list(parts)
-    with suppress(UsageError), open_existing(target) as existing:
-        parts_and_target.append(_read_part(target, existing))
-    missing_text = _describe_missing(parts_and_target)
+    # Chunks that an earlier call has copied to the target are not missing.
+    file, earlier = _read_target(target, parts[0], overwrite)
+    missing_text = _describe_missing([*parts, *earlier])
     if missing_text and not partial:
         raise AnalysisError(f"{missing_text}; add their directories, or use --partial")
     # The target can be one of the directories; its store contains its own runs already.
-    file = target / FILE
     sources = [part for part in parts if not (is_there(file) and file.samefile(part.folder / FILE))]
     store, name = open_written(file), str(file)
     with schema.closed_on_failure(store.connection):
         with schema.sqlite_errors_reported(name):
-            if not is_empty(store):
-                _check_same_campaign(parts_and_target[-1], parts[0])
             _copy_buildings(sources, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
         _warn_of_corrupt_chunks(name, store.remove_invalid_chunks())
@@ -423,6 +424,33 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
                 for table, index in _CHUNK_COLUMNS.items():
                     _copy(source, store, table, index, new_chunks)
     return store
+
+
+def _read_target(target: Path, first: _Part, overwrite: bool) -> tuple[Path, list[_Part]]:
+    """Return the file of the merged store, and the part of the campaign that the target contains:
+    an empty list if it contains no campaign, or with `overwrite` another one.
+
+    `first` is a part of the campaign. Without `overwrite`, another campaign or a store that cannot
+    be used raises OutputError.
+    """
+    file, earlier = target / FILE, list[_Part]()
+    try:
+        # UsageError: the directory does not exist, or contains no campaign.
+        with suppress(UsageError), open_existing(target) as store:
+            earlier.append(_read_part(target, store))
+        for part in earlier:
+            _check_same_campaign(part, first)
+    except (UsageError, schema.UntrustedStoreError) as error:
+        if not overwrite and isinstance(error, UsageError):
+            raise schema.AnotherStudyError(
+                f"{file}: contains another campaign; specify another directory with -o, or "
+                f"--overwrite to replace it\n{error}"
+            ) from None
+        if not overwrite:
+            raise
+        remove_store(replacement_of(file))
+        return replacement_of(file), []
+    return file, earlier
 
 
 @dataclass(frozen=True)

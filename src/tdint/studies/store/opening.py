@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tdint.errors import OutputError, UsageError
-from tdint.files import Content, is_there, protect_input, refuse_protected, write_files
+from tdint.files import Content, is_there, protect_input, refuse_protected, settle, write_files
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.store import schema
 from tdint.studies.store.identity import Identity, all_differences, differences
@@ -109,9 +109,14 @@ def write_from_store(
         """Record the files in the store and close it, so that it can be renamed."""
         store.record_written(digests)
         store.__exit__(None, None)
-        remove_logs(file)
 
-    write_files(contents, overwrite=True, stale=stale, on_written=finish, complete={file: new_file})
+    write_files(
+        contents,
+        overwrite=True,
+        stale={**stale, **dict.fromkeys(logs_of(file), "")},
+        on_written=finish,
+        complete={file: new_file},
+    )
     store.connection, store.name = connect(str(file)), str(file)
 
 
@@ -125,6 +130,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     OutputError
         The store cannot be used or trusted.
     """
+    settle(folder)
     if not is_there(folder / FILE):
         raise UsageError(
             f"{folder}: no campaign in this directory ({FILE} not found); specify the directory "
@@ -238,25 +244,14 @@ def remove_store(file: Path) -> None:
         The store cannot be removed, or is an input of the command.
     """
     refuse_protected([file])
-    remove(file)
-    remove_logs(file)
+    for part in (file, *logs_of(file)):
+        try:
+            part.unlink(missing_ok=True)
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"{part}: cannot remove the file: {reason}") from None
 
 
-def remove_logs(file: Path) -> None:
-    """Remove the files that SQLite creates next to the file of a store."""
-    for suffix in ("-wal", "-shm", "-journal"):
-        remove(file.with_name(file.name + suffix))
-
-
-def remove(file: Path) -> None:
-    """Remove a file if it exists.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be removed.
-    """
-    try:
-        file.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(f"{file}: cannot remove the file: {error.strerror or error}") from None
+def logs_of(file: Path) -> list[Path]:
+    """Return the paths of the files that SQLite creates next to the file of a store."""
+    return [file.with_name(file.name + suffix) for suffix in ("-wal", "-shm", "-journal")]

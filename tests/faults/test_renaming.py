@@ -1,0 +1,205 @@
+"""A command that is killed at any operation of its renaming leaves the earlier result or the new
+one, whole, as soon as the next command uses the directory."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fuzz.sandbox import invoked
+from selection import every
+from tdint.files import check_outputs, settle, write_files
+from tdint.studies.store.result_store import FILE
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="forks processes")
+
+MODEL = """\
+units: {length: m, force: kN, mass: t}
+stories: [{repeat: 2, mass: 100, height: 3, stiffness: 4e4, LAW}]
+damping: 3%
+analysis: {method: newmark-average}
+"""
+STUDY = """\
+buildings: {models: [MODEL]}
+records: {files: [r0.csv, r1.csv]}
+intensity: {scales: [SCALES]}
+analysis: {method: newmark-average}
+outputs: {stories: true}
+"""
+COMMANDS = {
+    "run with a figure": "run m.yaml rN.csv --no-check -o out --plot",
+    "run with files elsewhere": "run m.yaml rN.csv --no-check -o out --history=other/h.csv",
+    "run of scales": "run m.yaml r0.csv --scale 1,N.5 -o out --plot",
+    "spectrum": "spectrum rN.csv -o out/s.csv --plot",
+    "modes": "modes mN.yaml -o out/m.csv --plot",
+    "info": "info rN.csv -o out/i.csv --plot",
+    "pushover": "pushover mN.yaml --target 1% -o out/p.csv --plot",
+    "scale": "scale r0.csv r1.csv --target asce7:sds=1:sd1=0.N -o out/f.csv --plot",
+    "ida": "ida m.yaml rN.csv --im pga --threshold 1% -o out --plot",
+    "campaign": "campaign sN.yaml -o out --plot",
+    "shard": "campaign sN.yaml --shard 1/2 -o out",
+    "merge": "campaign merge partN -o out",
+}
+"""Commands with several output files. N is 1 for the earlier result, and 2 for the new one."""
+
+
+@pytest.fixture
+def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "start").mkdir()
+    monkeypatch.chdir(tmp_path / "start")
+    time = np.arange(60) * 0.02
+    for number in range(3):
+        rows = "\n".join(f"{value:.6f}" for value in np.sin((7.0 + number) * time))
+        Path(f"r{number}.csv").write_text(f"# dt = 0.02 s, units = m/s^2\n{rows}\n")
+        Path(f"s{number}.yaml").write_text(
+            STUDY.replace("MODEL", f"m{number}.yaml").replace("SCALES", f"1, {number}.25")
+        )
+        law = f"law: {{type: bilinear, yield_force: {60 + number}, hardening: 5%}}"
+        Path(f"m{number}.yaml").write_text(MODEL.replace("LAW", law))
+    Path("m.yaml").write_text(MODEL.replace(", LAW", ""))
+    Path("other").mkdir()
+
+
+def files_of(root: str) -> dict[str, bytes]:
+    """Return the visible results without times; of a store, only the presence is compared."""
+    found = {
+        path.relative_to(root).as_posix(): b""
+        if path.suffix == ".sqlite"
+        else re.sub(rb'_(?:time|loop)_s": [0-9.e-]+', b"", path.read_bytes())
+        for name in ("out", "other")
+        for path in sorted(Path(root, name).rglob("*"))
+        if path.is_file() and not path.name.startswith(".")
+    }
+    return {name: data for name, data in found.items() if not name.endswith((".new", "-wal"))}
+
+
+def stopped(line: str, stop: int) -> bool:
+    """Run a command in a child process that ends before the renaming operation `stop`, counted from
+    0. Return False if the command was completed before."""
+    if process := os.fork():
+        return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 77
+    count = -1
+
+    def watch(event: str, arguments: tuple[object, ...]) -> None:
+        """End the process before the operation, without cleanup."""
+        nonlocal count
+        renames = event in ("os.rename", "os.remove", "os.link", "os.rmdir")
+        journal = event == "open" and ".tdint-journal" in str(arguments[0])
+        if (renames or journal) and str(arguments[0]).startswith(str(Path.cwd())):
+            count += 1
+            if count == stop:
+                os._exit(77)
+
+    try:
+        sys.addaudithook(watch)
+        code, messages = invoked(["-q", *line.split()])
+        if code:
+            sys.stderr.write(messages)
+        os._exit(code)
+    finally:
+        os._exit(1)
+
+
+@pytest.mark.parametrize("name", every(4, COMMANDS))
+def test_a_kill_at_each_renaming_leaves_a_whole_result(inputs: None, name: str) -> None:
+    if name == "merge":
+        for number in (1, 2):
+            assert invoked(["campaign", f"s{number}.yaml", "-o", f"part{number}", "-q"])[0] == 0
+    old, new = (COMMANDS[name].replace("N", number) for number in "12")
+    assert invoked(["-q", *old.split()]) == (0, "")
+    start = Path.cwd()
+    shutil.copytree(start, "../new")
+    os.chdir("../new")
+    assert invoked(["-q", *new.split(), "--overwrite"]) == (0, "")
+    os.chdir(start)
+    results = {"old": files_of("."), "new": files_of("../new")}
+    common = [key for key, data in results["old"].items() if results["new"].get(key) != data]
+    assert common and len(results["new"]) > 1
+    seen = set()
+    for stop in range(200):
+        shutil.rmtree("../killed", ignore_errors=True)
+        shutil.copytree(start, "../killed")
+        os.chdir("../killed")
+        is_stopped = stopped(f"{new} --overwrite", stop)
+        # New files are never next to earlier ones, even before the next command.
+        kinds = {
+            kind
+            for key, data in files_of(".").items()
+            for kind in results
+            if key in common and key != FILE and results[kind].get(key) == data
+        }
+        assert len(kinds) < 2, (stop, kinds)
+        for folder in ("out", "other"):
+            check_outputs([Path(folder, "next.csv")], overwrite=False)
+        found = files_of(".")
+        assert found in results.values(), (stop, sorted(found))
+        seen |= {kind for kind in results if results[kind] == found}
+        if stop % 5 == 0:  # the repeated command gives the new result
+            assert invoked(["-q", *new.split(), "--overwrite"])[0] == 0
+            assert files_of(".") == results["new"]
+            assert not list(Path().rglob(".tdint-*"))
+        assert not list(Path().rglob(".tdint-journal"))
+        os.chdir(start)
+        if not is_stopped:
+            break
+    assert stop > 3 and seen == {"old", "new"}
+
+
+def test_the_journal_of_somebody_else_changes_nothing_that_is_read(tmp_path: Path) -> None:
+    """A journal of another machine is used only by a command that writes to the directory, and
+    never for names outside it."""
+    (tmp_path / "in").mkdir()
+    kept, outside = tmp_path / "in" / "kept.csv", tmp_path / "outside.csv"
+    for file in (kept, outside):
+        file.write_bytes(b"mine")
+    journal = tmp_path / "in" / ".tdint-journal"
+    text = '["{host}", "0", ["{folder}"], {{}}, ["{name}"], true]'
+    journal.write_text(text.format(host="far", folder=tmp_path / "in", name="kept.csv"))
+    settle(tmp_path / "in", is_read=True)
+    assert kept.exists() and journal.exists()
+    journal.write_text(text.format(host="far", folder=tmp_path / "in", name="../outside.csv"))
+    settle(tmp_path / "in")
+    assert kept.exists() and outside.exists() and not journal.exists()
+
+
+def test_a_failed_renaming_is_completed_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """After the earlier files are removed, an error keeps the new ones for the next command."""
+    files = [tmp_path / name for name in ("a.csv", "b.csv")]
+    write_files(dict.fromkeys(files, b"old"), overwrite=False)
+
+    def fail(*_: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as patch, pytest.raises(Exception, match="Input/output error"):
+        patch.setattr(Path, "replace", fail)
+        write_files(dict.fromkeys(files, b"new"), overwrite=True)
+    assert not any(file.exists() for file in files)
+    settle(tmp_path, is_read=True)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == {
+        "a.csv": b"new",
+        "b.csv": b"new",
+    }
+
+
+def test_two_writers_do_not_mix_their_files(tmp_path: Path) -> None:
+    """Processes that replace the same files at the same time leave the files of one of them."""
+    names = [tmp_path / f"{letter}.csv" for letter in "abcdef"]
+    write_files(dict.fromkeys(names, b"0"), overwrite=False)
+    children = []
+    for number in (b"1", b"2", b"3"):
+        process = os.fork()
+        if not process:
+            for _ in range(20):
+                write_files(dict.fromkeys(names, number), overwrite=True)
+            os._exit(0)
+        children.append(process)
+    codes = [os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) for process in children]
+    assert codes == [0, 0, 0]
+    assert len({file.read_bytes() for file in names}) == 1
+    assert sorted(tmp_path.iterdir()) == names
