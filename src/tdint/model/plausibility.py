@@ -226,6 +226,37 @@ ELEMENT = UsualRange(
     "such an element has no effect; check the unit of its stiffness, force/length",
 )
 
+LINK = UsualRange(
+    "ratio of the stiffness of a link to that of the springs between its ends",
+    1e-3,
+    1e6,
+    "a softer link has no effect, a stiffer one costs digits of the results; check the unit of its "
+    "stiffness, force/length",
+)
+BENDING = UsualRange(
+    "part of bending (EI) in the drifts of a story",
+    1e-4,
+    1.0 - 1e-4,
+    "EI or GA has no effect; check their units, force length^2 and force, or omit GA",
+    form="{:.6g}",
+)
+"""For a uniform cantilever of the height of the building under a force at its top. Frames have
+0.001 to 0.5, slender walls 0.9 to 0.999."""
+INITIAL_DISPLACEMENT = UsualRange(
+    "initial displacement",
+    -10.0,
+    10.0,
+    "isolators reach 1 m; check the unit of length",
+    form=_METERS,
+)
+INITIAL_VELOCITY = UsualRange(
+    "initial velocity",
+    -100.0,
+    100.0,
+    "floors reach 10 m/s; check the unit of length",
+    form="{:.3g} m/s",
+)
+
 ATTACHED_MASS = UsualRange(
     "ratio of an attached mass to the mass of its floor",
     1e-6,
@@ -418,11 +449,14 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
 
     If the model switches plausibility warnings off, only the ground acceleration is checked.
     """
-    # Rows that are not floors can be any structure.
-    if model.plausibility_off or model.rows:
+    if model.plausibility_off:
         return [*peak_warnings(pga)]
+    initial_warnings = _unusual_initial(model)
     model, building = _without_devices(model, building)
     omega, damping = building.first_mode()
+    if model.rows:  # rows that are not floors can be any structure
+        ratios = {model.rows[0]: damping} if damping > 0.0 else {}
+        return [*unusual(DAMPING, ratios), *peak_warnings(pga), *initial_warnings]
     # Without initial stiffness of a story, period and damping ratio are infinite by intention.
     first_period, damping = (period(omega), damping) if omega else (math.nan, math.nan)
     # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small
@@ -477,7 +511,41 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         *_unusual_drifts(model, building),
         *_unusual_devices(model, building, omega, damping),
         *_unusual_drift_ratios(model),
+        *_unusual_flexure(model),
+        *initial_warnings,
     ]
+
+
+def _unusual_initial(model: Model) -> list[str]:
+    """Return warnings about unusual initial displacements and velocities. The displacements of
+    floors with heights are compared as drift ratios."""
+    displacement = np.array(model.initial.displacement)
+    velocity = np.array(model.initial.velocity)
+    if not (displacement.any() or velocity.any()):
+        return []
+    names = model.rows or [f"floor {number}" for number in range(1, len(model.stories) + 1)]
+    heights = np.array([story.drift_height or math.nan for story in model.stories])
+    is_length = np.isnan(heights)
+    ratios = np.abs(np.diff(displacement, prepend=0.0)) / heights
+    return [
+        *unusual_stories(PEAK_DRIFT._replace(name="initial drift ratio"), ratios),
+        *unusual(
+            INITIAL_DISPLACEMENT,
+            dict(zip(names, np.where(is_length, displacement, math.nan).tolist(), strict=True)),
+        ),
+        *unusual(INITIAL_VELOCITY, dict(zip(names, velocity.tolist(), strict=True))),
+    ]
+
+
+def _unusual_flexure(model: Model) -> list[str]:
+    """Return a warning about flexural stories in which bending or shear has no effect."""
+    height = sum(story.height or 0.0 for story in model.stories)
+    parts = np.full(len(model.stories), math.nan)
+    for i, story in enumerate(model.stories):
+        if story.flexural is not None and story.flexural[1] < math.inf:
+            bending, shear = height**2 / (3.0 * story.flexural[0]), 1.0 / story.flexural[1]
+            parts[i] = bending / (bending + shear)
+    return unusual_stories(BENDING, parts)
 
 
 def _usual_height(building: Building) -> float:
@@ -700,19 +768,23 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
         if frequency > 0.0:
             periods[name] = 2.0 * math.pi / frequency
             dampers[name] = spring.dashpot / (2.0 * spring.mass * frequency) or math.nan
+    count = len(model.stories)
     for link in model.links:
         first, last = sorted(link.ends)
-        stiffnesses = [story.stiffness for story in model.stories[first:last]]
-        if last <= len(model.stories) and min(stiffnesses) > 0.0:
+        # Springs between the ends; of an attachment, its own spring.
+        ends = [model.attachments[end - count - 1] for end in (first, last) if end > count]
+        stiffnesses = [end.spring.stiffness for end in ends]
+        stiffnesses = stiffnesses or [story.stiffness for story in model.stories[first:last]]
+        if min(stiffnesses) > 0.0:
             stiffness = 1.0 / sum(1.0 / stiffness for stiffness in stiffnesses)
-            dampers[link.name] = link.spring.dashpot * omega / (2.0 * stiffness) or math.nan
-            # A link may be rigid.
-            shares[link.name] = min(link.spring.stiffness / stiffness, ELEMENT.high) or math.nan
+            shares[link.name] = link.spring.stiffness / stiffness or math.nan
+            if not ends:
+                dampers[link.name] = link.spring.dashpot * omega / (2.0 * stiffness) or math.nan
     return [
         *unusual(ATTACHED_MASS, masses),
         *unusual(ATTACHED_PERIOD, periods),
         *unusual(DAMPER, dampers),
-        *unusual(ELEMENT, shares),
+        *unusual(LINK, shares),
     ]
 
 

@@ -39,6 +39,7 @@ _NO_STIFFNESS = (
     "has no stiffness left with the rows before it free: the model is not supported or unstable"
 )
 _NO_MASS = "has no mass left beside the rows before it; a row without mass has zeros only"
+_NEGATIVE_DAMPING = "adds energy with the rows before it: the damping must not be negative"
 _LIST_OF_ROWS = "a list of rows of numbers, or a CSV file of numbers without a header"
 
 
@@ -108,13 +109,11 @@ def read_matrices(
     _require_definite(stiffness_value, stiffness, names, _NO_STIFFNESS)
     _require_definite(mass_value, mass, names, _NO_MASS, zeros_allowed=True)
     damping_value = inner.get("damping")
-    damping = (
-        _read_matrix(damping_value, unit.factor(force=1, length=-1), count, diagonal=True)
-        if damping_value
-        else ()
-    )
+    damping: Array | tuple[()] = ()
     if damping_value:
-        _require_damped(damping_value, mass, np.asarray(damping))
+        damping = _read_matrix(damping_value, unit.factor(force=1, length=-1), count, diagonal=True)
+        _require_definite(damping_value, damping, names, _NEGATIVE_DAMPING, is_semidefinite=True)
+        _require_damped(damping_value, mass, damping)
     if damping_value and section.has("damping"):
         damping_value.fault("cannot be used with `damping` of the model; give one of the two")
     influence = tuple(inner.read("influence") or (1.0,) * count)
@@ -197,10 +196,17 @@ def _require_definite(
     reason: str,
     *,
     zeros_allowed: bool = False,
+    is_semidefinite: bool = False,
 ) -> None:
     """Report the first row in which a matrix is not positive definite, with a reason. With
-    `zeros_allowed`, rows of zeros are allowed, but not in all rows."""
+    `zeros_allowed`, rows of zeros are allowed, but not in all rows; with `is_semidefinite`, any
+    positive semidefinite matrix up to the rounding of printed numbers."""
     diagonal = np.diagonal(matrix)
+    if is_semidefinite:
+        if not matrix.any():
+            return
+        zeros_allowed = True
+        matrix = matrix + np.diag(_ASYMMETRY * diagonal)
     wrong = np.flatnonzero(diagonal < 0.0 if zeros_allowed else diagonal <= 0.0)
     kept = np.flatnonzero(matrix.any(axis=1))
     if wrong.size:
@@ -214,7 +220,8 @@ def _require_definite(
             return
         row = int(kept[pivot])
     value.fault(
-        f"must be positive definite; row {row + 1}, column {row + 1} ({names[row]}) {reason}"
+        f"must be positive {'semidefinite' if is_semidefinite else 'definite'}; row {row + 1}, "
+        f"column {row + 1} ({names[row]}) {reason}"
     )
 
 

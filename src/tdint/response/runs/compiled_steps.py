@@ -114,6 +114,12 @@ def _methods(supports: Callable[[Integrator], bool]) -> str:
     return ", ".join(name for name in catalogue() if supports(parse(name)))
 
 
+_MAX_DAMPING_RATIO = 1e5
+"""Damping ratio of a mode up to which the transition over a time step is well conditioned. The
+slowest rate behind a damper is 1 / (4 ratio^2) of the fastest one, so that its relative rounding
+error is about 1e-16 times 4 ratio^2: 1e-5 at this ratio."""
+
+
 def unsupported_reason(integrator: Integrator, building: Building) -> str:
     """Return a message if a method does not support a building; empty if it does.
 
@@ -124,6 +130,14 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
             f"{integrator.label} does not support models of matrices and flexural stories; use "
             f"{EXACT}"
         )
+    if building.system is not None:
+        ratio = float(building.modes().own_damping(building.damping_matrix()).max())
+        if ratio > _MAX_DAMPING_RATIO:
+            return (
+                f"the damping ratio of a mode is {ratio:.3g}, above {_MAX_DAMPING_RATIO:g}: "
+                "rounding destroys the slow movement behind such a damper; reduce the damping, or "
+                "omit the rows that it holds"
+            )
     if building.tangent_damped and not integrator.tangent_damping:
         return (
             f"{integrator.label} does not support Rayleigh damping with the tangent stiffness; use "
