@@ -326,7 +326,7 @@ def test_limits_of_drift_ratios_are_questioned(key, limit, count):
         ("tank", "mass", 2000, "ratio of an attached mass"),
         ("tank", "stiffness", 0.008, "period of an attachment"),
         ("tank", "dashpot", 500, "ratio of the damper coefficient"),
-        ("tie", "stiffness", 1, "part of an element"),
+        ("tie", "stiffness", 1, "ratio of the stiffness of a link"),
         ("tie", "dashpot", 1e6, "ratio of the damper coefficient"),
     ],
 )

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tdint.errors import OutputError, UsageError
+from tdint.errors import OutputError, UsageError, write_out_controls
 
 if TYPE_CHECKING:
     from tdint.ground_motion.reading.suites import GroundMotion
@@ -32,6 +32,7 @@ except ValueError as error:  # the variable of a notebook, whose backend is not 
         f"matplotlib cannot be loaded: {error}; correct or unset the environment variable "
         "MPLBACKEND"
     ) from None
+from matplotlib.axis import Tick
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
 from matplotlib.text import Text
@@ -270,12 +271,30 @@ class ShownFigure(Figure):
         return stream.getvalue()
 
 
+_FORMULA = re.compile(r"\$\\(?:theta|beta(?:_\{\w+\})?|pm\\sigma)\$")
+"""Formulas in the texts of figures. Any other dollar sign is part of a name."""
+
+
+def _show_names_as_written(figure: Figure) -> None:
+    """Draw the names of links, elements, files, ... in a figure as text, not as formulas, and write
+    out their control characters, which a browser obeys in SVG."""
+    ticks = figure.findobj(Tick)
+    labels = {label for tick in ticks for label in (tick.label1, tick.label2)}
+    for text in figure.findobj(Text):
+        content = text.get_text()
+        if "$" in _FORMULA.sub("", content) and text not in labels:
+            text.set_parse_math(False)
+        if (written := write_out_controls(content, keep="\n")) != content:
+            text.set_text(written)
+
+
 def _save(figure: Figure, stream: BinaryIO, printed: PrintedAs, dpi: int, **saved: Any) -> None:
     """Write a figure to a stream with a resolution, pixels per inch; `saved` are the format and the
     metadata of the file."""
     # Only for PNG, the layout can be computed before the file is written: in vector formats, the
     # viewer determines the widths of characters, which differ from widths in pixels.
     layout_context = _fixed_layout(figure, dpi) if saved["format"] == "png" else nullcontext()
+    _show_names_as_written(figure)
     with (
         mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
         _missing_glyphs_ignored(),
