@@ -479,7 +479,9 @@ def _report_error(error: BaseException, settings: Settings) -> int:
     except Exception as error:
         if settings.debug:
             complain(traceback.format_exc().rstrip())
-        if isinstance(error, TdintError):
+        if few_files := _few_files(error):
+            lines, code = [few_files], OUT_OF_RESOURCES
+        elif isinstance(error, TdintError):
             text = _lines_of_errors([error])[0]
             lines, code = text.splitlines() or [type(error).__name__], error.exit_code
         elif resource := _missing_resource(error, settings.options):
@@ -496,6 +498,25 @@ def _report_error(error: BaseException, settings: Settings) -> int:
         for line in lines:
             complain(f"Error: {line}", line_settings)
         return code
+
+
+def _few_files(error: BaseException | None) -> str:
+    """Return a message if an error or one of its causes reports that no further file can be opened;
+    otherwise an empty text. Python reports modules that it cannot open as missing."""
+    while error is not None:
+        number = getattr(error, "errno", None)
+        if isinstance(error, ImportError):
+            try:
+                os.close(os.open(os.devnull, os.O_RDONLY))
+            except OSError as failure:
+                number = failure.errno
+        if number in (errno.EMFILE, errno.ENFILE):
+            return (
+                "no further file can be opened; raise the limit on open files (ulimit -n), or end "
+                "other programs"
+            )
+        error = error.__cause__ or error.__context__
+    return ""
 
 
 def _missing_resource(error: BaseException | None, options: Collection[str]) -> str:

@@ -7,6 +7,7 @@ renamed together: if the process is killed, the next command completes the renam
 
 from __future__ import annotations
 
+import errno
 import glob
 import json
 import os
@@ -726,4 +727,14 @@ def _as_output_error(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise OutputError(f"{path}: cannot be written: {reason_of(error, path)}") from error
+
+
+def reason_of(error: OSError, path: Path) -> str:
+    """Return the reason for which a file or directory cannot be written. The system reports a disk
+    without free inodes as full."""
+    with suppress(OSError, AttributeError):  # Windows has no `statvfs`
+        disk = os.statvfs(_nearest_folder(path))
+        if error.errno == errno.ENOSPC and disk.f_files > 0 and disk.f_favail == 0:
+            return "no free inode on the disk (df -i); remove files, or use another disk"
+    return error.strerror or str(error)

@@ -3,9 +3,11 @@ one, whole, as soon as the next command uses the directory."""
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import pytest
 
 from fuzz.sandbox import invoked
 from selection import every
-from tdint.files import check_outputs, settle, write_files
+from tdint.files import check_outputs, reason_of, settle, write_files
 from tdint.studies.store.result_store import FILE
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="forks processes")
@@ -203,3 +205,26 @@ def test_two_writers_do_not_mix_their_files(tmp_path: Path) -> None:
     assert codes == [0, 0, 0]
     assert len({file.read_bytes() for file in names}) == 1
     assert sorted(tmp_path.iterdir()) == names
+
+
+def test_too_few_file_descriptors_are_reported_with_the_remedy(inputs: None) -> None:
+    """Python reports modules that cannot be opened as missing. With five descriptors, this was an
+    internal error."""
+    script = (
+        "import resource, sys; from tdint_cli.main import main; "
+        "resource.setrlimit(resource.RLIMIT_NOFILE, (LIMIT, LIMIT)); main()"
+    )
+    for limit in (5, 7):
+        command = [sys.executable, "-c", script.replace("LIMIT", str(limit)), "run", "m.yaml"]
+        result = subprocess.run([*command, "r0.csv", "-q"], capture_output=True, text=True)
+        assert result.returncode == 5 and "ulimit -n" in result.stderr
+        assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_disk_without_inodes_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = list(os.statvfs(tmp_path))
+    disk[5:8] = [100, 0, 0]  # inodes: all, free, available
+    monkeypatch.setattr(os, "statvfs", lambda _: os.statvfs_result(disk))
+    full = OSError(errno.ENOSPC, "No space left on device")
+    assert "no free inode" in reason_of(full, tmp_path / "a.csv")
+    assert reason_of(OSError(errno.EACCES, "no"), tmp_path / "a.csv") == "no"

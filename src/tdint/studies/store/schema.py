@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from tdint.errors import OutputError
-from tdint.files import is_there, remove_abandoned
+from tdint.files import is_there, reason_of, remove_abandoned
 from tdint.output.tables.devices import TABLES as DEVICE_TABLES
 from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
@@ -388,7 +388,7 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{folder}: cannot create the directory: {error.strerror or error}"
+            f"{folder}: cannot create the directory: {reason_of(error, folder)}"
         ) from None
     file = folder / LOCK
     _refuse_special_files(str(file))
@@ -396,7 +396,7 @@ def locked(folder: Path) -> Iterator[None]:
         file.open("ab").close()
     except OSError as error:
         raise OutputError(
-            f"{folder}: cannot write to the directory: {error.strerror or error}"
+            f"{folder}: cannot write to the directory: {reason_of(error, file)}"
         ) from None
     if reason := lock_failure(file):
         _remove_unused(folder, is_new)
