@@ -31,10 +31,6 @@ entries, up to which a matrix is symmetric: the rounding of printed numbers. The
 _MIN_PIVOT = 1e-12
 """Dimensionless. Smallest pivot of a positive definite matrix, divided by its diagonal entry."""
 
-_INDEFINITE = 1e-9
-"""Dimensionless. Negative eigenvalue of a damping matrix, relative to the largest, up to which it
-is the rounding of printed numbers."""
-
 _NO_STIFFNESS = (
     "has no stiffness left with the rows before it free: the model is not supported or unstable"
 )
@@ -113,7 +109,6 @@ def read_matrices(
     if damping_value:
         damping = _read_matrix(damping_value, unit.factor(force=1, length=-1), count, diagonal=True)
         _require_definite(damping_value, damping, names, _NEGATIVE_DAMPING, is_semidefinite=True)
-        _require_damped(damping_value, mass, damping)
     if damping_value and section.has("damping"):
         damping_value.fault("cannot be used with `damping` of the model; give one of the two")
     influence = tuple(inner.read("influence") or (1.0,) * count)
@@ -223,18 +218,6 @@ def _require_definite(
         f"must be positive {'semidefinite' if is_semidefinite else 'definite'}; row {row + 1}, "
         f"column {row + 1} ({names[row]}) {reason}"
     )
-
-
-def _require_damped(value: Value, mass: Array, damping: Array) -> None:
-    """Report a damping matrix that is not positive semidefinite, if rows without mass have
-    dashpots: only then these rows are Maxwell elements."""
-    if damping[np.diagonal(mass) == 0.0].any():
-        values = np.linalg.eigvalsh(damping)
-        if values[0] < -_INDEFINITE * values[-1]:
-            value.fault(
-                "must be positive semidefinite where rows without mass have dashpots, got the "
-                f"eigenvalue {values[0]:.6g} in SI units"
-            )
 
 
 def _first_pivot(matrix: Array) -> int | None:
