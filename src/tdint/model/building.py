@@ -660,7 +660,7 @@ def _assemble_linear(model: Model) -> Building:
     system, vibration = assemble_system(model)
     n = len(model.stories)
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
-    linear_terms[rows.MASS, :n] = np.diagonal(system.mass)
+    linear_terms[rows.MASS, :n] = np.diagonal(system.loaded_mass)
     law_parameters = _linear_laws(system.drift_stiffness)
     heights = np.array([story.height or math.nan for story in model.stories])
     return Building(

@@ -269,8 +269,8 @@ class Link(NamedTuple):
 class Matrices:
     """Matrices of a linear model, which replace the springs of its stories.
 
-    The equation of motion is M a + C v + K u = -M r ag + p with the influence vector r. Each row is
-    a displacement, m, of a floor or of another point.
+    The equation of motion is (M + B) a + C v + K u = -M r ag + p with the influence vector r. Each
+    row is a displacement, m, of a floor or of another point.
 
     Attributes
     ----------
@@ -287,6 +287,8 @@ class Matrices:
     base : tuple of float
         Stiffness of the springs under flexural stories for rotation and translation, N m/rad and
         N/m; infinite for a fixed base.
+    inertance : ndarray
+        B, kg; empty without inerters.
     """
 
     stiffness: NDArray[np.float64] | tuple[()] = ()
@@ -295,6 +297,7 @@ class Matrices:
     damping: NDArray[np.float64] | tuple[()] = ()
     influence: tuple[float, ...] = ()
     base: tuple[float, float] = (math.inf, math.inf)
+    inertance: NDArray[np.float64] | tuple[()] = ()
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """Linear systems given by matrices: stiffness matrices, flexural stories, and rows that are not
 floors.
 
-The equation of motion is M a + C v + K u = -M r ag + p. Rows without mass follow the other rows
-statically; the modes contain them. Their dashpots make them lag behind (`Lag`).
+The equation of motion is (M + B) a + C v + K u = -M r ag + p with the inertance B. Rows without
+mass and inertance follow the other rows statically; the modes contain them. Their dashpots make
+them lag behind (`Lag`).
 
 A flexural story is a Timoshenko segment with constant EI and GA. Its ends have a displacement and a
 rotation; rotations, and the displacement of a base on a spring, have no mass and are condensed.
@@ -87,7 +88,9 @@ class LinearSystem:
     Attributes
     ----------
     mass, stiffness, damping : ndarray, shape (n, n)
-        M (kg), K (N/m) and C (N s/m).
+        M + B (kg), K (N/m) and C (N s/m).
+    loaded_mass : ndarray, shape (n, n)
+        M, kg, which the ground motion loads.
     influence : ndarray, shape (n,)
         Displacements r of the rows for a unit displacement of the ground.
     deformations : ndarray, shape (n, n)
@@ -105,6 +108,7 @@ class LinearSystem:
     """
 
     mass: Array
+    loaded_mass: Array
     stiffness: Array
     damping: Array
     influence: Array
@@ -139,13 +143,14 @@ class MatrixVibration(FreeVibration):
 
     Attributes
     ----------
-    mass_matrix, stiffness_matrix : ndarray, shape (n, n)
-        M (kg) and K (N/m).
+    mass_matrix, loaded_mass, stiffness_matrix : ndarray, shape (n, n)
+        M + B (kg), M (kg) and K (N/m).
     influence : ndarray, shape (n,)
         As in `LinearSystem`.
     """
 
     mass_matrix: Array = None  # type: ignore[assignment]
+    loaded_mass: Array = None  # type: ignore[assignment]
     stiffness_matrix: Array = None  # type: ignore[assignment]
     influence: Array = None  # type: ignore[assignment]
 
@@ -173,7 +178,7 @@ class MatrixVibration(FreeVibration):
             )
         shapes = motion @ shapes
         signs = np.where(shapes[self.roof] < 0.0, -1.0, 1.0)
-        load = self.mass_matrix @ self.influence
+        load = self.loaded_mass @ self.influence
         return Modes(
             np.sqrt(squared),
             shapes * signs,
@@ -213,6 +218,7 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         *(np.diagonal(mass), np.diagonal(stiffness), np.zeros(n)),
         deformations=drifts,
         mass_matrix=mass,
+        loaded_mass=mass,
         stiffness_matrix=stiffness,
         influence=influence,
     )
@@ -221,9 +227,14 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         if len(matrices.damping)
         else _damping(model, mass, stiffness, vibration.modes)
     )
+    inertia = mass
+    if len(matrices.inertance):  # the damping is that of the rows without inerters
+        inertia = mass + np.asarray(matrices.inertance)
+        vibration = replace(vibration, mass=np.diagonal(inertia), mass_matrix=inertia)
     names = tuple(map(column_name, model.rows))
-    lag = _lag(vibration.modes, mass, stiffness, damping) if len(matrices.damping) else None
-    system = LinearSystem(mass, stiffness, damping, influence, drifts, cuts, names, flexure, lag)
+    lag = _lag(vibration.modes, inertia, stiffness, damping) if len(matrices.damping) else None
+    matrices_of_system = inertia, mass, stiffness, damping
+    system = LinearSystem(*matrices_of_system, influence, drifts, cuts, names, flexure, lag)
     return system, vibration
 
 

@@ -5,9 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve
+from scipy.linalg import eigh, expm, solve
 
 import tdint
+from el_centro import el_centro
 from tdint.model.building import assemble
 from tdint.response.spectra.modal import response_spectrum_analysis
 from tdint.response.spectra.transfer import transfer_function
@@ -209,6 +210,60 @@ def test_free_vibration_and_history_in_chunks():
     assert response.energy.initial == pytest.approx(0.5 * start @ stiffness @ start)
     every = np.concatenate([chunk.displacement for chunk in response.history_chunks(4)])
     np.testing.assert_allclose(every, response.history.displacement[::4], atol=1e-12)
+
+
+def test_inertance_is_not_loaded_by_the_ground_motion(tmp_path):
+    # Roof mass of 4 t with an inerter of 20 t to the ground on five stories, and an inerter of 80 t
+    # in story 2 of three stories: `topology_references.json`.
+    masses, springs = [2e5] * 5 + [4e3], [2.5e8, 2.5e8, 2.2e8, 2.0e8, 1.8e8, 1992080.952]
+    damping, chain = [0.0] * 5 + [52477.16369], chain_of(springs)
+    bare = np.diag([2e5] * 5), chain_of(springs[:5])
+    omega = np.sqrt(eigh(bare[1], bare[0], eigvals_only=True)[:2])
+    a1 = 2 * 0.02 / omega.sum()
+    rayleigh = np.zeros((6, 6))
+    rayleigh[:5, :5] = a1 * omega[0] * omega[1] * bare[0] + a1 * bare[1]
+    rows = ("1", "2", "3", "4", "5", "tmdi")
+    model = {
+        "matrices": {
+            "names": [f"row {row}" for row in rows],
+            "mass": masses,
+            "inertance": [0.0] * 5 + [2e4],
+            "stiffness": chain.tolist(),
+            "damping": (rayleigh + chain_of(damping)).tolist(),
+        }
+    }
+    motion = el_centro(duration=31.18)
+    response = tdint.run(tdint.load_model(model), motion, duration=31.18, history=True)
+    peak = response.stories.peak_displacement
+    assert (peak[0], peak[4]) == pytest.approx((0.0207307, 0.09187659), rel=1e-5)
+    acceleration = response.stories.peak_absolute_acceleration[5]
+    assert acceleration == pytest.approx(19.25001, rel=1e-4)
+    stroke = np.abs(np.diff(response.history.displacement[:, 4:], axis=1)).max()
+    assert stroke == pytest.approx(0.2078022, rel=1e-3)  # at the time steps
+
+    inerter = np.array([[8e4, -8e4, 0.0], [-8e4, 8e4, 0.0], [0.0, 0.0, 0.0]])
+    model = {
+        "matrices": {
+            "mass": [1e5] * 3,
+            "inertance": inerter.tolist(),
+            "stiffness": chain_of([6e7, 5e7, 4e7]).tolist(),
+        },
+        "damping": {"rayleigh": {"ratio": 0.04, "modes": [1, 2]}},  # modes without the inerter
+    }
+    response = tdint.run(tdint.load_model(model), motion, duration=31.18)
+    assert response.stories.peak_absolute_acceleration == pytest.approx(
+        (8.083706, 6.122147, 8.968529), rel=1e-4
+    )
+    assert response.stories.peak_displacement[0] == pytest.approx(0.03399496, rel=1e-5)
+    assert assemble(response.model).modes().omega / (2 * np.pi) == pytest.approx(
+        (1.578937, 3.934013, 4.40924), rel=1e-6
+    )
+
+
+def chain_of(springs):
+    """Return the matrix of a chain of springs."""
+    ends = np.eye(len(springs)) - np.eye(len(springs), k=-1)
+    return (ends.T * springs) @ ends
 
 
 def test_collapse_and_sets_of_runs(record):

@@ -39,7 +39,8 @@ GROUND = "ground"
 _MASS_RATIO = Bounds(0.0, low_allowed=False, ratio=True)
 _INERTANCE = Key("inertance", POSITIVE, "not supported: see the message")
 _NO_INERTANCE = (
-    "inertance is not supported: an inerter between two floors couples their accelerations; omit it"
+    "inertance is for linear models: write the building as `matrices` with the matrix `inertance`, "
+    "see configs/README.md"
 )
 _ATTACHMENT = Keys(
     (

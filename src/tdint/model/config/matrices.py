@@ -103,7 +103,14 @@ def read_matrices(
         mass_value.fault("the unit of mass is required: add mass to `units`")
     mass = _read_matrix(mass_value, unit.mass, count, diagonal=True)
     _require_definite(stiffness_value, stiffness, names, _NO_STIFFNESS)
-    _require_definite(mass_value, mass, names, _NO_MASS, zeros_allowed=True)
+    inertance: Array | tuple[()] = ()
+    if inertance_value := inner.get("inertance"):
+        inertance = _read_matrix(inertance_value, unit.mass, count, diagonal=True)
+        if not np.any(mass):
+            mass_value.fault("at least one row needs a mass")
+        _require_definite(inertance_value, mass + inertance, names, _NO_MASS, zeros_allowed=True)
+    else:
+        _require_definite(mass_value, mass, names, _NO_MASS, zeros_allowed=True)
     damping_value = inner.get("damping")
     damping: Array | tuple[()] = ()
     if damping_value:
@@ -117,7 +124,7 @@ def read_matrices(
     if not any(influence):
         inner.value.fault("influence must not be zero in all rows")
     stories = tuple(Story(float(mass[i, i]), None, math.nan, LINEAR, 0.0) for i in range(len(mass)))
-    return Matrices(stiffness, names, mass, damping, influence), stories
+    return Matrices(stiffness, names, mass, damping, influence, inertance=inertance), stories
 
 
 def _refuse_devices(section: Section, by: str) -> None:

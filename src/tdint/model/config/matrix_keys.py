@@ -15,6 +15,11 @@ MATRICES = Keys(
     (
         Key("names", EntriesOf(TextLine(), least=1), "names of the rows; default: row_1, ..."),
         Key("mass", _MATRIX_OR_DIAGONAL, "rows, the diagonal, or a CSV file", needed=True),
+        Key(
+            "inertance",
+            _MATRIX_OR_DIAGONAL,
+            "rows, the diagonal, or a CSV file: inertia that the ground motion does not load",
+        ),
         Key("stiffness", MATRIX, "rows or a CSV file", needed=True),
         Key(
             "damping",

@@ -489,6 +489,9 @@ _STORY = Keys(
         Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
     ),
     one_of=(("mass", "weight"),),
+    other_names=(
+        ("inertance", "inerters are for linear models: write `matrices` with their `inertance`"),
+    ),
 )
 STORIES = EntriesOf(_STORY, least=1)
 _STIFFNESS_TOLERANCE = 1e-9

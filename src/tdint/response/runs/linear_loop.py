@@ -183,7 +183,7 @@ class LinearLoop:
             )
         # The first load is the ground acceleration, the remaining loads are the forces on floors.
         self.applied = np.zeros((n, 1 + self.floors.size))
-        self.applied[:, 0] = -self.system.mass @ self.system.influence
+        self.applied[:, 0] = -self.system.loaded_mass @ self.system.influence
         self.applied[self.floors, 1 + np.arange(self.floors.size)] = 1.0
         self.patterns = self.driving = self.shapes.T @ self.applied
         # Coordinates with a mass, and largest rates of all coordinates, 1/s
@@ -298,7 +298,7 @@ class LinearLoop:
         n, loads = self.building.stories, self.applied.shape[1]
         none, ground = np.zeros((n, loads)), np.zeros((n, loads))
         ground[:, 0] = system.influence
-        inertia = -system.cuts @ system.mass
+        inertia = -system.cuts @ system.loaded_mass
         outputs = [
             _Output(peaks[rows.PEAK_DRIFT], 0, system.deformations @ shapes, none),
             _Output(peaks[rows.PEAK_SHEAR], 0, system.cuts @ system.stiffness @ shapes, none),
@@ -327,7 +327,7 @@ class LinearLoop:
             _Output(
                 observed[TOTAL_BASE_MOMENT, :1],
                 2,
-                -arms @ system.mass @ shapes,
+                -arms @ system.loaded_mass @ shapes,
                 arms @ self.applied,
             )
         )

@@ -225,7 +225,7 @@ class _DynamicStiffness:
         matrix = system.stiffness + 1j * omega * system.damping - omega**2 * system.mass
         if self.source != GROUND:
             return np.asarray(np.linalg.solve(matrix, self._unit_force(len(matrix))))
-        load = omega**2 * system.mass @ system.influence
+        load = omega**2 * system.loaded_mass @ system.influence
         return np.asarray(np.linalg.solve(matrix, load) + system.influence)
 
     def _unit_force(self, size: int) -> Array:
