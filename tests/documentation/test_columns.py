@@ -22,6 +22,7 @@ COMMANDS = {
     "elements.csv of tdint run": "configs/isolated-moat-wall.yaml --duration 0.1",
     "attachments.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
     "links.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
+    "contacts.csv of tdint run": "{folder}/joint.yaml --duration 0.5",
     "rows.csv of tdint run": "{folder}/rows.yaml --duration 0.1",
     "stories.csv of tdint run, flexural": "configs/wall-on-soil.yaml --duration 0.1",
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 "
@@ -112,6 +113,9 @@ def folder(tmp_path_factory):
         "other.yaml": "{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}",
         "rows.yaml": "{matrices: {names: [u], mass: [1], stiffness: [[400]]}, "
         f"excitation: {{record: {motion}}}}}",
+        "joint.yaml": "{stories: [{mass: 1, stiffness: 400}], links: [{from: ground, to: 1, law: "
+        "{type: gap, gap: 1e-7, stop_stiffness: 100}}], excitation: {record: "
+        f"{motion}}}}}",
         "classes.csv": "class,sd_m,sa_g\nA,0.01,0.2\nA,0.05,0.3\n",
         "of-classes.csv": "id,class,NumberOfStories\none,A,2\n",
         "published.csv": "period_s,psa_g\n1,0.1\n2,0.1\n",

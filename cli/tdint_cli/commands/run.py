@@ -20,6 +20,7 @@ from tdint_cli import options
 from tdint_cli.commands.run_request import (
     ALL_FILES,
     ATTACHMENTS,
+    CONTACTS,
     ELEMENTS,
     LINKS,
     MODES,
@@ -378,9 +379,11 @@ def _files(
         files[Path(request.output) / (ROWS if response.model.rows else STORIES)] = stories.csv()
         if elements := tables.elements.element_table(response):
             files[Path(request.output) / ELEMENTS] = elements.in_units(units).csv()
-        for name, table in zip(
-            (ATTACHMENTS, LINKS), tables.devices.device_tables(response), strict=True
-        ):
+        device_tables = (
+            *tables.devices.device_tables(response),
+            tables.devices.contact_table(response),
+        )
+        for name, table in zip((ATTACHMENTS, LINKS, CONTACTS), device_tables, strict=True):
             if table:
                 files[Path(request.output) / name] = table.in_units(units).csv()
     _check_disk_space(request, response.model, response.steps)

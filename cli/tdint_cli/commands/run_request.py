@@ -20,9 +20,9 @@ from tdint_cli.options.suite import CHANGED, LIMIT, REQUIRE, SuiteRequest
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ELEMENTS = "elements.csv"
-ATTACHMENTS, LINKS = "attachments.csv", "links.csv"
+ATTACHMENTS, LINKS, CONTACTS = "attachments.csv", "links.csv", "contacts.csv"
 ROWS = "rows.csv"
-_TABLES = (STORIES, ELEMENTS, ATTACHMENTS, LINKS, ROWS)
+_TABLES = (STORIES, ELEMENTS, ATTACHMENTS, LINKS, CONTACTS, ROWS)
 ALL_FILES = (*_TABLES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """All files that a single run or a sequence can write to the directory of -o. The summary is
 written last: if its status is `done`, all files are complete."""

@@ -39,7 +39,8 @@ MASS = 1e3 * np.array([90.0, 75.0, 70.0, 55.0])
 
 
 def reference(dashpot):
-    """Peak displacements of the floors and peak spring force of the joint."""
+    """Peak displacements of the floors, peak spring force of the joint, and time, duration, peak
+    force and energy of each contact."""
     stiffness, damping = 1e3 * np.array([9e3, 7e3, 2.4e4, 2.1e4]), 1e3 * np.array([80, 70, 110, 90])
     gap, stop = 0.02, 3.0e7
     drifts = np.eye(4)
@@ -56,6 +57,7 @@ def reference(dashpot):
         return y[1] - y[3] - gap
 
     closing.terminal = True
+    contacts = []
     t, y, is_closed, peaks = 0.0, np.zeros(8), False, np.zeros(5)
     while t < TIME[-1]:
         closing.direction = -1.0 if is_closed else 1.0
@@ -67,8 +69,13 @@ def reference(dashpot):
         motion = part.sol(np.linspace(t, part.t[-1], 2000))
         overlap = np.maximum(motion[1] - motion[3] - gap, 0.0)
         found = np.abs([*motion[:4], stop * overlap]).max(axis=1)
+        if is_closed:
+            rates = motion[5] - motion[7]
+            force = np.abs(stop * (motion[1] - motion[3] - gap) + dashpot * rates).max()
+            duration, power = part.t[-1] - t, 0.5 * (rates[1:] ** 2 + rates[:-1] ** 2)
+            contacts.append((t, duration, force, dashpot * duration * np.mean(power)))
         peaks, t, y, is_closed = np.maximum(peaks, found), part.t[-1], part.y[:, -1], not is_closed
-    return peaks
+    return peaks, contacts
 
 
 @pytest.mark.parametrize(
@@ -85,8 +92,18 @@ def test_contact_of_adjacent_buildings(law, dashpot):
     response = tdint.run(model, MOTION, dt=STEP / 4, duration=TIME[-1], check=False)
     devices = response.devices.stories
     peaks = [*response.stories.peak_displacement, *devices.peak_displacement[:2]]
-    right = reference(dashpot)
+    right, contacts = reference(dashpot)
     assert [*peaks, devices.peak_shear[-1]] == pytest.approx(right, rel=1e-4)
+    found = response.contacts
+    assert [item.closing for item in found] == list(range(1, len(contacts) + 1))
+    for item, (time, duration, force, energy) in zip(found, contacts, strict=True):
+        assert (item.link, item.time) == ("joint", pytest.approx(time, rel=1e-4))
+        assert item.duration == pytest.approx(duration, rel=1e-3, abs=1e-5)
+        assert item.peak_force == pytest.approx(force, rel=2e-3)
+        # The rate has a kink within the steps of a closing.
+        assert item.dissipated_energy == pytest.approx(energy, rel=1e-2)
+    lost = sum(energy for *_, energy in contacts)
+    assert response.devices.dissipated_energy[-1] == pytest.approx(lost, rel=1e-3, abs=1e-6)
 
 
 @pytest.mark.parametrize("method", ["gauss4", "moment4", "newmark-average"])

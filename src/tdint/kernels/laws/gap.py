@@ -163,6 +163,11 @@ LAW = DriftLaw(
     fault=_fault,
     kinked=True,
     tangent_damping=_contact_damping,
+    stops=lambda values: (
+        0.0 if SIDES[int(values[2])] == "negative" else values[0],
+        0.0 if SIDES[int(values[2])] == "positive" else values[0],
+        values[1],
+    ),
     stiffens=lambda values: values[1] > 0.0,
     symmetric=lambda values: values[2] == 0.0,
     largest_stiffness=lambda stiffness, values: stiffness + values[1],

@@ -217,6 +217,9 @@ class DriftLaw:
         initial stiffness.
     other_keys : tuple of (str, str)
         Names of parameters of other programs, each with the parameter that is meant, or a remedy.
+    stops : callable
+        Parameter values -> distances of the stops on the positive and on the negative side, m, 0
+        for none, and their stiffness, N/m.
     tangent_damping : callable
         (parameter values, mass of two bodies in contact, kg) -> coefficient of damping with the
         tangent stiffness that belongs to the law, s. Only the laws of attachments and links may
@@ -250,6 +253,7 @@ class DriftLaw:
     warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
     other_keys: tuple[tuple[str, str], ...] = ()
+    stops: Callable[[Sequence[float]], tuple[float, float, float]] = lambda values: (0.0, 0.0, 0.0)
     tangent_damping: Callable[[Sequence[float], float], float] = lambda values, mass: 0.0
     failed: float = math.nan
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.model.definition import Attachment, Link
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows
+from tdint.response.runs.contacts import Contact, contacts
 from tdint.response.runs.history import DeviceHistory, History
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.units import OutputUnits, quantities
@@ -64,14 +65,20 @@ LINK_NAMES = (
     Column("to", "text", "end", "end: ground, a floor or an attachment"),
 )
 
+CONTACT_COLUMNS = (
+    LINK_NAMES[0]._replace(value="link", meaning="name of a link with stops"),
+    Column.named("closing", "number of the closing of this link, from 1"),
+    *map(Column.of_quantity, quantities(Contact)),
+)
+
 TABLES = (
     ((*ATTACHMENT_NAMES, *ATTACHMENT_COLUMNS, *ENERGY), (*ATTACHMENT_ERROR, *ENERGY_ERROR)),
     ((*LINK_NAMES, *LINK_COLUMNS, *ENERGY), (*LINK_ERROR, *ENERGY_ERROR)),
 )
 """Columns of the tables of attachments and of links, and their additional columns with error
 estimates."""
-COLUMNS = tuple(chain.from_iterable(chain(*TABLES)))
-"""All columns of both tables."""
+COLUMNS = (*chain.from_iterable(chain(*TABLES)), *CONTACT_COLUMNS)
+"""All columns of the tables of attachments, links and contacts."""
 
 _HISTORY = {quantity.name: quantity for quantity in quantities(History)}
 _ATTACHMENT_SERIES = (
@@ -137,6 +144,13 @@ def device_tables(response: Response) -> tuple[Table | None, Table | None]:
         )
     )
     return attachments, links
+
+
+def contact_table(response: Response) -> Table | None:
+    """Return the table of the contacts of links with stops; None without a contact."""
+    found = contacts(response) if response.model.links else ()
+    rows = [tuple(vars(contact).values()) for contact in found]
+    return Table.of(CONTACT_COLUMNS, rows) if rows else None
 
 
 def device_rows(

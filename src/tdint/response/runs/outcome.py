@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.model.limits import LimitCheck
+    from tdint.response.runs.contacts import Contact
     from tdint.response.runs.elements import ElementPeaks, ElementValues
     from tdint.response.runs.energy import Energy
     from tdint.response.runs.flexure import FlexurePeaks
@@ -527,6 +528,14 @@ class Response(Tabular):
     elements: "ElementPeaks | None" = None
     growth: float = 0.0
     record_rows: int = 0
+
+    @property
+    def contacts(self) -> "tuple[Contact, ...]":
+        """Closings of links with stops, with their times, forces and energies. Without a kept
+        history, the time integration is repeated."""
+        from tdint.response.runs.contacts import contacts  # few models have stops
+
+        return contacts(self)
 
     def limit_checks(self, limit: float | str | None = None) -> "tuple[LimitCheck, ...]":
         """Compare the demands with limits.

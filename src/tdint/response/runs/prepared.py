@@ -173,6 +173,8 @@ def device_energy(building: Building, space: Workspace) -> Array:
     dissipated += space.law_state[rows.ENERGY_SPENT, part]
     if np.any(building.linear_terms[rows.BRACE]):
         dissipated += space.state[rows.BRACE_DISSIPATED, part]
+    if building.tangent_damped:  # of a contact
+        dissipated += space.state[rows.DAMPING_WORK, part]
     return dissipated
 
 
