@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.model.definition import Attachment, Link
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows
-from tdint.response.runs.contacts import Contact, contacts
+from tdint.response.runs.contacts import LinkContact
 from tdint.response.runs.history import DeviceHistory, History
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.units import OutputUnits, quantities
@@ -68,7 +68,7 @@ LINK_NAMES = (
 CONTACT_COLUMNS = (
     LINK_NAMES[0]._replace(value="link", meaning="name of a link with stops"),
     Column.named("closing", "number of the closing of this link, from 1"),
-    *map(Column.of_quantity, quantities(Contact)),
+    *map(Column.of_quantity, quantities(LinkContact)),
 )
 
 TABLES = (
@@ -148,8 +148,7 @@ def device_tables(response: Response) -> tuple[Table | None, Table | None]:
 
 def contact_table(response: Response) -> Table | None:
     """Return the table of the contacts of links with stops; None without a contact."""
-    found = contacts(response) if response.model.links else ()
-    rows = [tuple(vars(contact).values()) for contact in found]
+    rows = [tuple(vars(contact).values()) for contact in response.contacts]
     return Table.of(CONTACT_COLUMNS, rows) if rows else None
 
 

@@ -1,7 +1,7 @@
 """Closings of links whose laws have stops: their times, forces and energies.
 
 They follow from the deformations and their rates at the time steps, by a cubic Hermite polynomial
-in each step. The response history is repeated in chunks if the run has not kept it.
+in each step.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tdint.response.runs.history import History
 from tdint.units import Quantity
 
 if TYPE_CHECKING:
-    from tdint.response.runs.outcome import Response
+    from tdint.model.definition import Model
 
 _POINTS = 400
 """Number of intervals of a contact, whose force is smooth: a maximum between two points is at most
@@ -29,7 +29,7 @@ a relative 1e-5 above them."""
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class LinkContact:
     """Contact of a link from a closing to the next opening, or to the end of the run.
 
     Attributes
@@ -55,27 +55,22 @@ class Contact:
     ]
 
 
-def contacts(response: Response) -> tuple[Contact, ...]:
-    """Return the contacts of all links with stops, by link and time.
+def has_stops(model: Model) -> bool:
+    """Return True if a link of a model has a law with stops."""
+    return any(map(any, _stops(model)))
 
-    Parameters
-    ----------
-    response : Response
-        Result of a run of one ground motion.
-    """
-    model = response.model
-    stops = [LAWS[link.spring.law.name].stops(link.spring.law.parameters) for link in model.links]
-    if not any(map(any, stops)):
-        return ()
-    history = response.history
-    if history is None:
-        if response.history_chunks is None:
-            return ()
-        history = History.joined(response.history_chunks(1))
+
+def _stops(model: Model) -> list[tuple[float, float, float]]:
+    """Return the stops of the law of each link (`DriftLaw.stops`)."""
+    return [LAWS[link.spring.law.name].stops(link.spring.law.parameters) for link in model.links]
+
+
+def contacts_of(model: Model, history: History) -> tuple[LinkContact, ...]:
+    """Return the contacts of all links with stops, by link and time, from all steps of a run."""
     damping = assemble(model).linear_terms[rows.TANGENT_DAMPING]
-    found: list[Contact] = []
+    found: list[LinkContact] = []
     for number, (link, (positive, negative, stiffness)) in enumerate(
-        zip(model.links, stops, strict=True)
+        zip(model.links, _stops(model), strict=True)
     ):
         displacement, velocity = _motion(history, link.ends)
         dashpot = stiffness * damping[len(model.stories) + len(model.attachments) + number]
@@ -87,7 +82,7 @@ def contacts(response: Response) -> tuple[Contact, ...]:
             for numbers in _passages(motion, gap, side, (stiffness, dashpot))
         ]
         found += [
-            Contact(link.name, i, *values) for i, values in enumerate(sorted(numbers), start=1)
+            LinkContact(link.name, i, *values) for i, values in enumerate(sorted(numbers), start=1)
         ]
     return tuple(found)
 

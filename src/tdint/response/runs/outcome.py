@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.model.limits import LimitCheck
-    from tdint.response.runs.contacts import Contact
+    from tdint.response.runs.contacts import LinkContact
     from tdint.response.runs.elements import ElementPeaks, ElementValues
     from tdint.response.runs.energy import Energy
     from tdint.response.runs.flexure import FlexurePeaks
@@ -530,12 +530,20 @@ class Response(Tabular):
     record_rows: int = 0
 
     @property
-    def contacts(self) -> "tuple[Contact, ...]":
+    def contacts(self) -> "tuple[LinkContact, ...]":
         """Closings of links with stops, with their times, forces and energies. Without a kept
         history, the time integration is repeated."""
-        from tdint.response.runs.contacts import contacts  # few models have stops
+        # Imported here, because few models have stops.
+        from tdint.response.runs.contacts import contacts_of, has_stops
+        from tdint.response.runs.history import History
 
-        return contacts(self)
+        history, repeat = self.history, self.history_chunks
+        if not has_stops(self.model) or (history is None and repeat is None):
+            return ()
+        if history is None and repeat is not None:
+            history = History.joined(repeat(1))
+        assert history is not None
+        return contacts_of(self.model, history)
 
     def limit_checks(self, limit: float | str | None = None) -> "tuple[LimitCheck, ...]":
         """Compare the demands with limits.
