@@ -478,7 +478,8 @@ def _medians(study: IdaStudy) -> Iterator[str]:
     median capacity for each limit of attachments and links."""
     import numpy as np
 
-    from tdint.studies.ida.ida_curve import fractiles, fractiles_of
+    from tdint.fractiles import fractiles
+    from tdint.studies.ida.ida_curve import capacity_fractiles
 
     for state in study.states:
         curves = state.motion_curves
@@ -487,7 +488,8 @@ def _medians(study: IdaStudy) -> Iterator[str]:
         if damage:
             text += f" of the building damaged to a drift ratio of {100.0 * damage:g} %"
         censored = sum(curve.collapse.censored for curve in curves)
-        yield _median_text(text, study, fractiles(curves, collapse_drift), len(curves), censored)
+        values = capacity_fractiles(curves, collapse_drift)[:, 0]
+        yield _median_text(text, study, values, len(curves), censored)
     if not study.limits:
         return
     curves = study.states[0].motion_curves
@@ -496,7 +498,7 @@ def _medians(study: IdaStudy) -> Iterator[str]:
     ]
     for of_limit in zip(*capacities, strict=True):
         text = f"Median capacity, limit {of_limit[0].limit}"
-        values = fractiles_of(np.array([[item.intensity] for item in of_limit]))
+        values = fractiles(np.array([item.intensity for item in of_limit]))
         censored = sum(item.censored for item in of_limit)
         yield _median_text(text, study, values, len(curves), censored)
 
@@ -504,17 +506,17 @@ def _medians(study: IdaStudy) -> Iterator[str]:
 def _median_text(text: str, study: IdaStudy, values: Array, count: int, censored: int) -> str:
     """Return a sentence with the median capacity and, for several motions, two fractiles.
 
-    `values`, shape (3, 1), are the fractiles in ascending order; a fractile above the maximum
-    intensity is NaN. `count` and `censored` are the numbers of all and of censored capacities.
+    `values` are the three fractiles in ascending order; a fractile above the maximum intensity is
+    infinite. `count` and `censored` are the numbers of all and of censored capacities.
     """
-    low, median, high = values[:, 0].tolist()
+    low, median, high = values.tolist()
     unit = study.measure.unit
     text += ": "
-    if math.isnan(median):
+    if not math.isfinite(median):
         text += "above the maximum intensity"
     else:
         text += f"{study.im_name} = {median:.4g} {unit}"
-    if count > 1 and not math.isnan(low) and not math.isnan(high):
+    if count > 1 and math.isfinite(low) and math.isfinite(high):
         text += (
             f", 16 and 84 % fractiles {low:.4g} and {high:.4g} (sorted capacities; the median of "
             "`tdint fragility` is their geometric mean)"

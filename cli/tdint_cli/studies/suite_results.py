@@ -29,7 +29,7 @@ from tdint.output.verdicts import (
 )
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile, profiles
-from tdint.studies.campaign.variants import at_levels, comparisons, ratios
+from tdint.studies.campaign.variants import at_levels, ratios
 from tdint.studies.fragility.damage_tables import check_column
 from tdint.studies.store.result_store import Store
 from tdint.units import OutputUnits
@@ -178,7 +178,7 @@ class SuiteResults:
         has_variants = len({profile.building for profile in self.profiles}) > 1
         for profile in self.profiles:
             if text := self._lost_motions_text(profile):
-                lost_motions.append((profile.collapsed > 0, text))
+                lost_motions.append((profile.counts.collapsed > 0, text))
         # Use the units and the head of the models if they agree.
         models = {model.source: model for model in plan.models}.values()
         units = {model.page_units for model in models}
@@ -224,15 +224,16 @@ class SuiteResults:
 
         `profile` contains the results of one building under the suite at a single intensity level.
         """
-        counts_text = profile.lost_text
+        counts_text = profile.counts.text
         if not counts_text:
             return ""
-        if remaining := len(profile.motions):
+        if remaining := profile.counts.completed:
             means = f"the means are over the remaining {pluralize(remaining, 'motion')}"
         else:
             means = "no mean can be computed"
         name = self.building(profile) or profile.building
-        return f"{name}: of {pluralize(profile.runs, 'ground motion')}, {counts_text}; {means}"
+        motions = pluralize(profile.counts.motions, "ground motion")
+        return f"{name}: of {motions}, {counts_text}; {means}"
 
     def report_results(self) -> list[TdintError]:
         """Report collapsed and failed runs, and compare the mean demands with the limits.
@@ -280,8 +281,6 @@ class SuiteResults:
             return []
 
         lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
-        if self.request.baseline is not None:
-            lines = [text for level in comparisons(self.profiles) if (text := level.note)] or lines
         # A campaign with the buildings of a region can have collapses in many buildings, which are
         # results of the study. Then only the first lines are shown, as notes and not as warnings.
         omitted = len(lines) - _MAX_LINES
@@ -338,17 +337,17 @@ class SuiteResults:
             lost = profile.lost_reason and f", because {profile.lost_reason}"
             addition = f" Demand of pairs: {profile.pair_demand}." if profile.pair_demand else ""
             if clause := self._motions_clause:
-                addition += f" {pluralize(profile.runs, 'ground motion')}, {clause}."
+                addition += f" {pluralize(profile.counts.motions, 'ground motion')}, {clause}."
             verdicts = limit_verdicts(checks, units, mean=True, lost=lost, addition=addition)
             # Without a completed run there are no demands: the limit counts as exceeded.
-            if not profile.motions:
+            if not profile.counts.completed:
                 limit = self.request.limit
                 limit_text = f", limit {100.0 * limit:g} %" if isinstance(limit, float) else ""
                 verdicts = [
                     Verdict(
                         False,
-                        f"None of {profile.runs} ground motions was completed{limit_text}: "
-                        "exceeded",
+                        f"None of {profile.counts.motions} ground motions was completed"
+                        f"{limit_text}: exceeded",
                         single_limit=True,
                     )
                 ]
@@ -376,7 +375,7 @@ class SuiteResults:
             for profile in self.profiles
             if profile.limits
             for chosen in chosen_limits(
-                profile.limits, limit, profile.peaks["peak_drift_ratio"], profile.building
+                profile.limits, limit, profile.completed.peaks["peak_drift_ratio"], profile.building
             )
         )
 

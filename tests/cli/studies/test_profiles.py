@@ -43,14 +43,6 @@ def study(folder: Path, make_record: Callable[..., None]) -> Path:
     return folder
 
 
-def fractile(values: list[float], part: float) -> float:
-    """Return a fractile by linear interpolation between the sorted values; the first value is at 0,
-    the last at 1."""
-    ordered, position = sorted(values), part * (len(values) - 1)
-    below = min(int(position), len(values) - 2)
-    return ordered[below] + (position - below) * (ordered[below + 1] - ordered[below])
-
-
 def limit_results(page: str) -> list[str]:
     """Return the column `result` of the table of limits of a report."""
     body = Path(page).read_text().partition("<body>")[2]
@@ -71,12 +63,20 @@ def by_hand(stories: list[dict[str, str]], column: str, which: dict[str, str]) -
     return list(largest.values())
 
 
+def by_rank(values: list[float], fraction: float) -> float:
+    """Return a fractile at the position (n - 1) p, interpolated in logarithms (type 7)."""
+    ranked, position = sorted(values), fraction * (len(values) - 1)
+    low, high = ranked[math.floor(position)], ranked[math.ceil(position)]
+    weight = position - math.floor(position)
+    return low * (high / low) ** weight if low > 0.0 else low + weight * (high - low)
+
+
 QUANTITIES = ("mean", "median", "p16", "p84", "max")
 STATISTICS = (
     statistics.fmean,
-    statistics.median,
-    lambda values: fractile(values, 0.16),
-    lambda values: fractile(values, 0.84),
+    lambda values: by_rank(values, 0.5),
+    lambda values: by_rank(values, 0.16),
+    lambda values: by_rank(values, 0.84),
     max,
 )
 
@@ -331,6 +331,9 @@ def test_ratios_equal_quotients_of_the_profiles(study: Path, tdint: Command) -> 
 
     def largest(building: str, ratio: dict[str, str], name: str) -> float:
         keys = ("scale", "quantity", "story") if ratio["story"] else ("scale", "quantity")
+        if ratio["quantity"] == "base_shear":
+            ratio = ratio | {"quantity": "peak_shear", "story": "1"}
+            keys = ("scale", "quantity", "story")
         building_rows = (row for row in profiles if row["building"] == building)
         return max(
             float(row[name] or 0.0)

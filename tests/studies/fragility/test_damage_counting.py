@@ -18,6 +18,7 @@ from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import SuiteRules
 from tdint.studies.fragility.building_damage import BuildingDamage, TypeDamage
 from tdint.studies.ida.ida import _elastic_scale
+from tdint.studies.motions.outcomes import COLLAPSED, COMPLETED, FAILED
 from tdint.studies.motions.pairs import PairRule
 
 STATES = DamageStates(
@@ -42,7 +43,8 @@ def damage(states: DamageStates = STATES) -> BuildingDamage:
         period=1.0,
         states=states,
         keys=KEYS,
-        rank=np.zeros(len(ENDS), int),
+        names=[str(run.motion) for run in KEYS],
+        level=np.ones(len(ENDS)),
         status=list(ENDS),
         demand=DEMANDS,
         probability=probability,
@@ -131,33 +133,28 @@ def test_levels_count_ground_motions_instead_of_runs() -> None:
     count as collapsed."""
     rules = SuiteRules(
         PairRule("larger", {1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}),
-        [0.1, 0.4],
         True,
         ("pga", "m/s^2"),
     )
+    names = {1: "1", 2: "1", 3: "3", 4: "3", 5: "5", 6: "5", 7: "7", 8: "8"}
     small = dict.fromkeys((Run(motion, 0.5, 0) for motion in range(1, 9)), DONE)
     large = {Run(motion, -2.0, 0): DONE for motion in range(1, 9)}
     large |= {Run(2, -2.0, 0): FALLEN[0], Run(3, -2.0, 0): "diverged", Run(4, -2.0, 0): FALLEN[0]}
     large |= {Run(7, -2.0, 0): FALLEN[-1], Run(8, -2.0, 0): "not-converged"}
-    first, second = rules.levels(small | large)
-    assert [len(level_counts) for level_counts in first.completed] == [2, 2, 2, 1, 1]
-    assert [
-        (level_counts.pairs, level_counts.collapsed, level_counts.failed)
-        for level_counts in (first, second)
-    ] == [(3, 0, 0), (3, 2, 2)]
-    assert second.completed == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
+    rows = [
+        (run, names[run.motion], 0.1 if run.scale == 0.5 else 0.4, status)
+        for run, status in (large | small).items()
+    ]
+    first, second = rules.levels(rows)
+    assert np.bincount(first.motion).tolist() == [2, 2, 2, 1, 1]
+    assert [(level.pairs, *level.counts[1:]) for level in (first, second)] == [(3, 0, 0), (3, 2, 2)]
+    assert second.outcome.tolist() == [COLLAPSED, FAILED, COMPLETED, COLLAPSED, FAILED]
     assert (first.level, second.level) == (0.1, 0.4) and math.isnan(first.scale)
-    (level_counts,) = SuiteRules(PairRule("larger", {1: 1, 2: 2}), [], False, ("", "")).levels(
-        {Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE}
+    common = SuiteRules(PairRule("larger", {1: 1, 2: 2}), False, ("", ""))
+    (level_counts,) = common.levels(
+        [(Run(1, 0.5, 0), "1", 0.5, DONE), (Run(2, 0.5, 0), "2", 0.5, DONE)]
     )
     assert level_counts.scale == 0.5 and math.isnan(level_counts.level)
-    ranked = [
-        level.level
-        for level in SuiteRules(PairRule("larger", {1: 1}), [], True, ("", "")).levels(
-            {Run(1, s, 0): DONE for s in (3.0, 1.0)}
-        )
-    ]
-    assert ranked == [1.0, 2.0]
 
 
 @pytest.mark.parametrize(

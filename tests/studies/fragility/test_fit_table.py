@@ -106,7 +106,15 @@ def test_stripes_of_type_require_three_motions_per_level(
     level, motion = np.repeat(np.array(pairs), 4, axis=0).T
     demand = 0.005 * 1.3**level * np.exp(0.3 * RANDOM.standard_normal(level.size))
     runs = TypeRuns(
-        states, 1.0 + level, demand, np.zeros(level.size, bool), motion, 0, "pga", "m/s^2"
+        states,
+        1.0 + level,
+        demand,
+        np.zeros(level.size, bool),
+        motion,
+        np.ones(level.size),
+        0,
+        "pga",
+        "m/s^2",
     )
     (found,) = fit_states(runs, FragilityRequest())
     assert isinstance(found, Fragility) and found.fit == fit
@@ -120,7 +128,7 @@ def test_runs_at_individual_levels_are_fitted_as_cloud(tmp_path: Path) -> None:
     im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
     (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     fell = STATUS == "collapsed"
-    (same,) = fit_cloud(im.ravel(), np.where(fell, OVER, DRIFT).ravel(), (OVER,), fell.ravel())
+    (same,) = fit_cloud(im.ravel(), DRIFT.ravel(), (OVER,), collapsed=fell.ravel())
     assert (found.fit, found.theta, found.beta) == (
         "cloud",
         pytest.approx(same.theta),
@@ -327,7 +335,7 @@ class PairStore:
 def test_rows_are_assigned_to_motions_without_component_column(
     tmp_path, monkeypatch, columns, motions
 ):
-    monkeypatch.setattr("tdint.studies.fragility.measures._store_of_table", lambda _: PairStore())
+    monkeypatch.setattr("tdint.studies.fragility.measures.store_of_table", lambda _: PairStore())
     rows = [("a.txt", "HN1"), ("b.txt", "HN2"), ("c.txt", "HN1"), ("a.txt", "HN1")]
     lines = [",".join(columns), *(",".join(row[: len(columns)]) for row in rows)]
     file = tmp_path / "runs.csv"
@@ -349,10 +357,12 @@ def test_collapses_are_kept_if_all_thresholds_are_below_the_range(by_type: bool,
         states = DamageStates("drift_ratio", ("light",), request.thresholds, 0.0, ())
         demand = np.where(fell, states.medians[-1], DRIFT).ravel()
         motion = np.arange(DRIFT.size)
-        runs = TypeRuns(states, im.ravel(), demand, fell.ravel(), motion, 0, "pga", "m/s^2")
+        runs = TypeRuns(
+            states, im.ravel(), demand, fell.ravel(), motion, np.ones(im.size), 0, "pga", "m/s^2"
+        )
         found = fit_states(runs, request)[0]
     (expected,) = fit_cloud(
-        im[is_kept], np.where(fell, low, DRIFT)[is_kept], request.thresholds, fell[is_kept]
+        im[is_kept], DRIFT[is_kept], request.thresholds, collapsed=fell[is_kept]
     )
     assert (found.runs, found.censored) == (int(is_kept.sum()), int(fell.sum()))
     assert (found.theta, found.beta) == pytest.approx((expected.theta, expected.beta))

@@ -31,7 +31,7 @@ TRUNCATED = fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)
 @pytest.mark.parametrize(
     ("found", "fit", "numbers", "counts"),
     [
-        (STRIPES, "stripes", (1.07612, 0.42924), (40, 0)),
+        (STRIPES, "stripes", (1.07612, 0.42924), (320, 0)),
         (WHOLE, "ida", (1.06923, 0.40807), (37, 0)),
         (TRUNCATED, "ida", (1.05822, 0.38214), (37, 12)),
     ],
@@ -40,7 +40,7 @@ TRUNCATED = fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)
 def test_fits_agree_with_published_values_of_baker(found, fit, numbers, counts):
     assert (round(found.theta, 5), round(found.beta, 5)) == numbers
     assert (found.fit, found.motions, found.censored) == (fit, *counts)
-    assert found.runs == found.motions * (8 if fit == "stripes" else 1)
+    assert found.runs == found.motions
 
 
 def test_standard_errors_of_capacities_agree_with_closed_form():

@@ -18,7 +18,7 @@ from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.run_values import RUN
-from tdint.studies.campaign.chunks import Batch, RunRow
+from tdint.studies.campaign.chunks import Batch, Place, RunRow
 from tdint.studies.ida import ida_report
 from tdint.studies.ida.ida import IdaSettings, _elastic_scale, ida
 from tdint.studies.ida.ida_curve import (
@@ -28,8 +28,8 @@ from tdint.studies.ida.ida_curve import (
     Mainshock,
     PairCurve,
     below_collapse,
+    capacity_fractiles,
     damaged,
-    fractiles,
 )
 from tdint.studies.ida.ida_tables import capacity_table, limit_capacities
 from tdint.studies.motions.intensity import pga
@@ -127,7 +127,7 @@ def test_maximum_intensity_censors_capacities(frame):
     assert max(run.im for run in ida_curve.runs) == ida_curve.collapse.capacity == 0.8
     assert math.isnan(ida_curve.collapse.upper)
     assert [ida_curve.capacity(t).censored for t in found.thresholds] == [False, True, True]
-    assert np.isnan(fractiles(found.curves, np.array([0.09]))).all()
+    assert np.isinf(capacity_fractiles(found.curves, np.array([0.09]))).all()
 
 
 @pytest.mark.parametrize(
@@ -271,7 +271,7 @@ def test_repeated_runs_are_marked(frame, monkeypatch):
         if 1.0 < pga < 1.3:
             rows.runs[0] = rows.runs[0].changed(repeats=2)
         if 2.0 < pga < 2.2:
-            lost = RunRow(0, *runs[0], (None,) * len(RUN))
+            lost = RunRow(0, *runs[0], Place(), (None,) * len(RUN))
             rows.runs[0] = lost.changed(dt=0.0025, status="diverged", pga=pga, repeats=3)
         return rows
 
@@ -309,8 +309,8 @@ def test_residual_drift_is_taken_at_rest(frame):
 def test_fractiles_of_one_and_three_curves():
     drifts = np.array([0.02])
     curves = [curve((im, 0.02), (2.0 * im, math.inf)) for im in (1.0, 2.0, 8.0)]
-    assert fractiles(curves[:1], drifts)[:, 0] == pytest.approx([1.0, 1.0, 1.0])
-    low, middle, high = fractiles(curves, drifts)[:, 0]
+    assert capacity_fractiles(curves[:1], drifts)[:, 0] == pytest.approx([1.0, 1.0, 1.0])
+    low, middle, high = capacity_fractiles(curves, drifts)[:, 0]
     assert (low, middle, high) == pytest.approx((2.0**0.32, 2.0, 2.0 * 4.0**0.68))
 
 

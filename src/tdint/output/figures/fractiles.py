@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from tdint.arrays import Array
+from tdint.fractiles import fractiles
 from tdint.output.figures.style import DASHES
 
 FRACTILES = (16, 84)
@@ -20,7 +19,7 @@ def draw_median(axes: Any, x: Array, rows: Array, color: str, *, zorder: float =
 
     `rows` has one row of values at `x` for each ground motion; nan is ignored.
     """
-    return axes.plot(x, np.nanmedian(rows, axis=0), color=color, linewidth=2.0, zorder=zorder)[0]
+    return axes.plot(x, fractiles(rows, (0.5,))[0], color=color, linewidth=2.0, zorder=zorder)[0]
 
 
 def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 2.5) -> Any:
@@ -29,6 +28,6 @@ def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: floa
     `rows` has one row of values at `x` for each ground motion; nan is ignored. The returned line of
     the upper fractile represents both lines in the legend.
     """
-    low, high = np.nanpercentile(rows, FRACTILES, axis=0)
+    low, _, high = fractiles(rows)
     axes.plot(x, low, color=color, linestyle=DASHES[1], zorder=zorder)
     return axes.plot(x, high, color=color, linestyle=DASHES[1], zorder=zorder)[0]

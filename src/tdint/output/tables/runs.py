@@ -20,9 +20,24 @@ SAMPLE = Column.named(
     "samples and events",
 )
 
+PLACE = (
+    Column.named(
+        "motion",
+        "ground motion: number of the recording, which its two components have in common; 4-1 and "
+        "4-2 if components or rows of the recording have different factors",
+        TEXT,
+    ),
+    Column.named(
+        "level",
+        "level: value of the intensity measure in SI units, common scale factor, or number of the "
+        "level; empty if all motions are one suite with individual factors",
+    ),
+)
+
 RUNS = (
     *BUILDING_COLUMNS,
     SAMPLE,
+    *PLACE,
     METHOD_SPEC,
     *(Column.of_quantity(quantity) for quantity in RUN if quantity.shown != HIDDEN),
 )

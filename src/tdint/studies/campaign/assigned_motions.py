@@ -8,8 +8,9 @@ workflow.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -418,6 +419,10 @@ class Scales:
         """Return the factors of a motion for each building."""
         return [self.values] * len(periods)
 
+    def level_values(self, motion: int) -> Sequence[float]:
+        """Return the level of each factor of a motion, which is the factor."""
+        return self.values
+
     def description(self) -> dict[str, object]:
         """Return the scale factors, for the fingerprint of a campaign."""
         return {"scales": list(self.values)}
@@ -432,21 +437,58 @@ class FactorTable:
     ----------
     by_name : mapping of (str, str) to tuple of float
         Factors by record and component.
+    level_by_name : mapping of (str, str) to tuple of float
+        Level of each factor, SI units; empty without levels.
+    level_unit : str
+        SI unit of the levels.
     scaled : mapping
         Settings that `tdint scale` wrote next to the file; empty if not available.
     by_motion : mapping of int to tuple of float
         Factors of the motions of a campaign by their numbers; empty before the motions are read.
+    level_by_motion : mapping of int to tuple of float
+        Level of each of these factors; empty without levels.
     """
 
     source: str
     by_name: Mapping[tuple[str, str], tuple[float, ...]]
     scaled: Mapping[str, Any] = field(default_factory=dict)
+    level_by_name: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+    level_unit: str = ""
     by_motion: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+    level_by_motion: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+
+    def of_motions(self, motions: Sequence[SuiteMotion]) -> FactorTable:
+        """Return the table with the factors and levels of the motions of a campaign."""
+        keys = {number: self._key(motion) for number, motion in enumerate(motions)}
+        levels = self.level_by_name
+        return replace(
+            self,
+            by_motion={number: self.by_name[key] for number, key in keys.items()},
+            level_by_motion={number: levels[key] for number, key in keys.items() if levels},
+        )
+
+    def unequal_factors(
+        self, motions: Sequence[SuiteMotion], partners: Mapping[int, int]
+    ) -> list[str]:
+        """Return a warning for each pair of components with different factors. `partners` is the
+        number of the first component by the number of the second component."""
+        return [
+            f"{self.source}: the components {motions[first].name} {motions[first].component} "
+            f"(factor {_factors_text(self.by_motion[first])}) and {motions[second].name} "
+            f"{motions[second].component} (factor {_factors_text(self.by_motion[second])}) of a "
+            "recording have different factors and count as separate motions; use one factor per "
+            "recording to count the pair as one motion"
+            for second, first in partners.items()
+            if self.by_motion[first] != self.by_motion[second]
+        ]
 
     def of(self, motion: SuiteMotion) -> tuple[float, ...]:
-        """Return the scale factors of a motion in the table. The table may list the motion by its
-        name, by the name of its file without the directory, or by the name of the pair to which it
-        belongs.
+        """Return the scale factors of a motion in the table; `_key` describes the errors."""
+        return self.by_name[self._key(motion)]
+
+    def _key(self, motion: SuiteMotion) -> tuple[str, str]:
+        """Return the row of a motion. The table may list the motion by its name, by the name of its
+        file without the directory, or by the name of the pair to which it belongs.
 
         Raises
         ------
@@ -462,7 +504,7 @@ class FactorTable:
         for name in names:
             for component in components:
                 if (name, component) in self.by_name:
-                    return self.by_name[name, component]
+                    return name, component
         raise ModelError(
             f"{self.source}: no factor for {motion.name} {motion.component}; add a row for it, or "
             "remove the key `files` to use only the records of the table"
@@ -508,9 +550,25 @@ class FactorTable:
         """Return the factors of a motion for each building."""
         return [self.by_motion[motion]] * len(periods)
 
+    def level_values(self, motion: int) -> Sequence[float]:
+        """Return the level of each factor of a motion; NaN without levels, because all rows of the
+        table are then one suite."""
+        return self.level_by_motion.get(motion, (math.nan,) * self.count(motion))
+
     def description(self) -> dict[str, object]:
-        """Return the factors of each motion, for the fingerprint of a campaign."""
-        return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
+        """Return factors and levels of each motion, for the fingerprint of a campaign."""
+        settings: dict[str, object] = {
+            "factors": {str(motion): list(values) for motion, values in self.by_motion.items()}
+        }
+        if self.level_by_motion:
+            levels = {str(motion): list(values) for motion, values in self.level_by_motion.items()}
+            settings |= {"factor_levels": levels, "level_unit": self.level_unit}
+        return settings
+
+
+def _factors_text(factors: Sequence[float]) -> str:
+    """Return the factors of a motion as text."""
+    return ", ".join(f"{factor:g}" for factor in factors)
 
 
 @dataclass(frozen=True)
@@ -525,25 +583,31 @@ class MeasureLevels:
         Period, s; None: first period of each building.
     pair : str
         Combination of the components of a pair, a name of `tdint.studies.motions.intensity.PAIRS`.
+    recordings : sequence of Record or Horizontals
+        Recording to which each motion belongs: a pair, or a single record.
     """
 
     measure: Callable[[float], IntensityMeasure]
     period: float | None
     values: tuple[float, ...]
     pair: str
-    motions: Sequence[SuiteMotion] = ()
+    recordings: Sequence[GroundMotion] = ()
 
     def count(self, motion: int) -> int:
+        """Return the number of levels, for each motion."""
         return len(self.values)
+
+    def level_values(self, motion: int) -> Sequence[float]:
+        """Return the levels."""
+        return self.values
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Return the factors of a motion for each building, one per level. Both components of a
         pair have the same factors.
         """
-        # The intensity of a pair is computed from both components: `recording` is the pair of a
-        # component, or the single record. Equal periods of several buildings are evaluated only
-        # one time.
-        recording = self.motions[motion].ground_motion
+        # The intensity of a pair is computed from both components. Equal periods of several
+        # buildings are evaluated only one time.
+        recording = self.recordings[motion]
         factors_at_period: dict[float, tuple[float, ...]] = {}
         periods = periods if self.period is None else [self.period] * len(periods)
         for period in dict.fromkeys(periods):

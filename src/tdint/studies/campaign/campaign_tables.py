@@ -37,7 +37,7 @@ from tdint.studies.campaign.story_profiles import (
     Profile,
     SpectraOfRuns,
     Statistics,
-    has_levels,
+    level_measure,
     profiles,
 )
 from tdint.studies.campaign.variants import Ratios
@@ -68,8 +68,6 @@ COUNTS = (
         "failed", "number of ground motions without a result; they are excluded from the statistics"
     ),
 )
-COLLAPSE = "collapse"
-"""Cell of a fractile that is a collapse."""
 
 PROFILES = (
     BUILDING_COLUMNS[0],
@@ -89,8 +87,8 @@ PROFILES = (
     ),
     Column.named(
         "median",
-        f"median over the ground motions with a result or collapse; `{COLLAPSE}` if the fractile "
-        "is a collapse, which is larger than every value",
+        "median over the ground motions with a result or collapse; inf if the fractile is a "
+        "collapse, which is larger than every value",
     ),
     Column.named("p16", "16 % fractile, as the median"),
     Column.named("p84", "84 % fractile, as the median"),
@@ -112,30 +110,41 @@ RATIOS = (
     Column(
         "quantity",
         "text",
-        lambda ratios: ratios.quantity.called or ratios.quantity.name,
-        PROFILES[2].meaning,
+        "quantity",
+        f"{PROFILES[2].meaning}; base_shear is the restoring force of the first story",
     ),
     Column(
         "story",
         "1",
         lambda ratios: np.array([None, *range(1, ratios.mean.size)], dtype=object),
-        "story of the baseline (or the floor above); empty for the maximum over the stories. "
-        "Stories of a building with other isolators or stories are counted from the roof",
+        "story of the baseline (or the floor above); empty for the maximum over all stories of "
+        "each building, for drifts without isolators. Stories of a building with other "
+        "isolators or stories are counted from the roof",
     ),
     Column(
         "mean_ratio",
         "1",
         "mean",
-        "mean over the ground motions that all buildings survive, divided by the mean of the "
-        "baseline over the same motions",
+        "mean over the ground motions that the building and the baseline both complete, divided by "
+        "the mean of the baseline over the same motions",
     ),
-    Column("median_ratio", "1", "median", "median divided by the median of the baseline"),
-    Column("max_ratio", "1", "max", "maximum divided by the maximum of the baseline"),
+    Column(
+        "median_ratio",
+        "1",
+        "median",
+        "median over all motions divided by the median of the baseline; a collapse is above every "
+        "value (inf), empty if the median of the baseline is a collapse",
+    ),
+    Column("max_ratio", "1", "max", "maximum divided by the maximum of the baseline, as the mean"),
     Column.named(
         "motions",
-        "number of ground motions of both values: those that all buildings survive; fewer than 3 "
-        "of a larger suite give no ratio",
+        "number of ground motions that both complete; after collapses, fewer than 3 give no ratio "
+        "of means or maxima",
     ),
+    Column.named("collapsed", "number of ground motions with collapse of the building"),
+    Column.named("failed", "number of ground motions without a result of the building"),
+    Column.named("baseline_collapsed", "number of ground motions with collapse of the baseline"),
+    Column.named("baseline_failed", "number of ground motions without a result of the baseline"),
 )
 """Columns of ratios.csv."""
 
@@ -148,6 +157,7 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
         Column("building", TEXT, "profile.building", ""),
         *([Column("level", TEXT, "profile.level_text", "")] if has_levels else []),
         Column.named("collapses", "", TEXT),
+        Column("motions", "1", "profile.counts.completed", ""),
         Column(f"mean_{drift}{end}", drift_unit, "mean_drift", ""),
         Column(f"largest_{drift}{end}", drift_unit, "largest_drift", ""),
         Column("times_baseline", "1", "ratio", ""),
@@ -262,11 +272,13 @@ def _run_rows(store: Store) -> Iterator[list[Any]]:
     varied_cells = [[values.get(name) for name in varied_names] for values in varied]
     methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
     name_cells, inventory_cells, has_errors = run_heads(store), copied_cells(store), store.checked
-    for building, record, scale, sample, dt, status, *values in store.runs():
+    for building, record, scale, sample, motion, level, dt, status, *values in store.runs():
         head = [
             *name_cells(building, record),
             scale,
             sample,
+            motion,
+            level,
             methods[building],
             dt,
             cell_text(status),
@@ -311,13 +323,13 @@ def _profile_rows(profiles: Iterable[Profile], units: OutputUnits) -> Iterator[l
     There is one row per building, intensity level, quantity and story, from the ground up.
     """
     for profile in profiles:
-        counts = (profile.runs, profile.collapsed, profile.failed)
+        counts = (profile.counts.motions, *profile.counts[1:])
         level = () if math.isnan(profile.level) else (profile.level,)
         pair_demand = (profile.pair_demand,) if profile.pair_demand else ()
         for quantity in STORY_QUANTITIES:
             unit, factor = units.unit(quantity.unit)
             statistics = _cells_of_stories(profile.statistics(quantity), factor)
-            errors: Iterable[Sequence[float | str]] = repeat(())  # no cells if not estimated
+            errors: Iterable[Sequence[float]] = repeat(())  # no cells if not estimated
             if (error_statistics := profile.errors(quantity)) is not None:
                 errors = _cells_of_stories(error_statistics, factor)
             name = quantity.called or quantity.name
@@ -329,15 +341,13 @@ def _profile_rows(profiles: Iterable[Profile], units: OutputUnits) -> Iterator[l
                 yield [*head, *cells, *counts, *error_cells, *pair_demand]
 
 
-def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float | str]]:
+def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float]]:
     """Return the statistics of each story as a list of the five cells mean, median, p16, p84 and
     max, divided by `factor` (value of the output unit in SI units). An infinite fractile is a
     collapse."""
     values = np.array(list(vars(statistics).values()))
-    return [
-        [COLLAPSE if math.isinf(cell) else cell for cell in cells]
-        for cells in (values.T / factor).tolist()
-    ]
+    cells: list[list[float]] = (values.T / factor).tolist()
+    return cells
 
 
 def with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:
@@ -346,7 +356,7 @@ def with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[C
     The columns are unchanged if the levels of the campaign are scale factors, because these have a
     separate column.
     """
-    if not has_levels(store):
+    if level_measure(store) is None:
         return columns
     return (*columns[:index], LEVEL, *columns[index:])
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice, zip_longest
@@ -105,11 +105,31 @@ class Run(NamedTuple):
     sample: int = 0
 
 
+class Place(NamedTuple):
+    """Place of a run in the suite of its building.
+
+    Attributes
+    ----------
+    motion : str
+        Name of the ground motion of the run at its level. The components of a recording with equal
+        factors have the same name, the number of the recording from 1. If a recording has several
+        factors at a level, each is a motion: `4-1`, `4-2`.
+    level : float
+        Level: value of the intensity measure (SI units), common scale factor, or number of the
+        level. NaN if all motions are one suite with individual factors.
+    """
+
+    motion: str = ""
+    level: float = math.nan
+
+
 class BuildingRuns(NamedTuple):
     """Runs of one building.
 
     Attributes
     ----------
+    places : tuple of Place
+        Ground motion and level of each run.
     max_step : float | None
         Maximum time step that meets the tolerance of the campaign, s; None if no time step meets
         the tolerance; infinity if the campaign has no tolerance.
@@ -118,7 +138,19 @@ class BuildingRuns(NamedTuple):
     number: int
     source: Source
     runs: tuple[Run, ...]
+    places: tuple[Place, ...]
     max_step: float | None = math.inf
+
+    def without(self, runs: Collection[tuple[Any, ...]]) -> Self:
+        """Return the runs that are not in a collection of keys (building, and fields of `Run`)."""
+        kept = [
+            (run, place)
+            for run, place in zip(self.runs, self.places, strict=True)
+            if (self.number, *run) not in runs
+        ]
+        return self._replace(
+            runs=tuple(run for run, _ in kept), places=tuple(place for _, place in kept)
+        )
 
 
 class RunRow(NamedTuple):
@@ -128,6 +160,8 @@ class RunRow(NamedTuple):
     ----------
     motion, scale, sample : int, float, int
         Ground motion, scale factor and sample, as in `Run`.
+    place : Place
+        Ground motion and level in the suite; empty for runs outside of campaigns.
     values : tuple
         One value per quantity of `RUN`, in that order. Missing values are None or NaN. Values are
         also available by name, for example `row.status`.
@@ -140,6 +174,7 @@ class RunRow(NamedTuple):
     motion: int
     scale: float
     sample: int
+    place: Place
     values: tuple[Any, ...]
     errors: tuple[float | None, ...] = ()
 
@@ -556,7 +591,8 @@ class Batch:
             "sa_t1": None if spectral is None else spectral * factor,
             "repeats": job.repeats,
         }
-        return RunRow(self.number, *job.run, tuple(values.get(quantity.name) for quantity in RUN))
+        cells = tuple(values.get(quantity.name) for quantity in RUN)
+        return RunRow(self.number, *job.run, Place(), cells)
 
 
 # ---- Chunks
@@ -610,7 +646,10 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     rows = Rows()
     for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(building_runs.number, subject, chunk.records, sa_t1, chunk.settings)
-        rows.extend(batch.results(building_runs.runs, building_runs.max_step))
+        results = batch.results(building_runs.runs, building_runs.max_step)
+        places = dict(zip(building_runs.runs, building_runs.places, strict=True))
+        results.runs = [row._replace(place=places[Run(*row[1:4])]) for row in results.runs]
+        rows.extend(results)
     return ChunkResult(chunk.number, rows, time.thread_time() - start_time)
 
 

@@ -23,7 +23,14 @@ from tdint.kernels.compiling import Kernel
 from tdint.model.limits import LimitCheck
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.compiled_steps import kernels
-from tdint.studies.campaign.chunks import ChunkResult, Rows, Run, run_chunk, spectral_accelerations
+from tdint.studies.campaign.chunks import (
+    ChunkResult,
+    Place,
+    Rows,
+    Run,
+    run_chunk,
+    spectral_accelerations,
+)
 from tdint.studies.campaign.cluster import check_address, on_cluster
 from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
@@ -695,10 +702,10 @@ def _copy_results(old: Store, new: Store, plan: Plan, identity: Identity) -> int
     for number in range(plan.chunks):
         rows = Rows()
         for part in plan.chunk(number).buildings:
-            for run in part.runs:
+            for run, place in zip(part.runs, part.places, strict=True):
                 if part.number in buildings and run.motion in motions:
                     old_key = (buildings[part.number], motions[run.motion], run.scale, run.sample)
-                    rows.extend(_rows_of(old, old_key, part.number, run))
+                    rows.extend(_rows_of(old, old_key, part.number, run, place))
         count += len(rows.runs)
         if number in completed:
             continue
@@ -723,16 +730,17 @@ def _common_numbers(
     }
 
 
-def _rows_of(old: Store, old_key: tuple[Any, ...], building: int, run: Run) -> Rows:
+def _rows_of(old: Store, old_key: tuple[Any, ...], building: int, run: Run, place: Place) -> Rows:
     """Return the stored rows of a run with its new numbers; without rows if the run is not stored.
 
     The rows are flat tuples, which the store accepts like the named tuples of new results.
     """
     where = "WHERE building = ? AND record = ? AND scale = ? AND sample = ?"
-    new_key = (building, run.motion, run.scale, run.sample)
+    key = (building, run.motion, run.scale, run.sample)
     tables = [
         [
             new_key + row[len(new_key) :]
+            for new_key in [(*key, *place) if table is schema.RUNS else key]
             for row in old.connection.execute(table.select(where=where), old_key)
         ]
         for table in schema.ROW_TABLES

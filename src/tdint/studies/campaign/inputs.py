@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.csv_table import number, number_error, read_table
+from tdint.csv_table import CsvTable, number, number_error, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_at_most, record_digest
 from tdint.ground_motion.choice import RecordChoice
@@ -56,7 +57,7 @@ from tdint.studies.campaign.definition import (
 from tdint.studies.fragility.type_states import ClassDamage, read_class_damage
 from tdint.studies.regions.inventory import InventoryRows, read_inventory
 from tdint.studies.regions.sites import factors_in, read_field, read_grid
-from tdint.units import FORCE
+from tdint.units import FORCE, GROUND_MOTION, parse_units, suffix
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
 _MOST_NAMES = 10  # names listed in a message
@@ -537,8 +538,8 @@ def _sequence(
 
 
 def read_factors(file: str) -> FactorTable:
-    """Read factors from a CSV file with the columns record, component (empty: all components) and
-    factor.
+    """Read factors from a CSV file with the columns record, component (empty: all components),
+    factor and, if each level has its own motions, level (`_levels_in`).
 
     Returns
     -------
@@ -554,13 +555,20 @@ def read_factors(file: str) -> FactorTable:
         f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` "
         "writes such a file"
     )
-    table = read_table(file, format_text, columns=_FACTOR_COLUMNS)
+    table = read_table(file, format_text, columns=(*_FACTOR_COLUMNS, *_LEVEL_COLUMNS, "unit"))
     table.need(*_FACTOR_COLUMNS)
+    levels, level_unit = _levels_in(table)
     motions = zip(table.texts("record"), table.texts("component"), strict=True)
-    # A motion may have several factors; duplicate factors are ignored.
-    factors_of_motion: dict[tuple[str, str], dict[float, None]] = {}
-    for motion, factor in zip(motions, factors_in(table, empty=False), strict=True):
-        factors_of_motion.setdefault(motion, {})[factor] = None
+    # A motion may have several factors; duplicate rows are ignored.
+    factors_of_motion: dict[tuple[str, str], dict[float, float]] = {}
+    factors = factors_in(table, empty=False)
+    for motion, factor, level, (line, _) in zip(motions, factors, levels, table.rows, strict=True):
+        known_level = factors_of_motion.setdefault(motion, {}).setdefault(factor, level)
+        if known_level != level and not math.isnan(level):
+            raise ModelError(
+                f"{file}:{line}: {' '.join(motion).strip()} has the factor {factor:g} at two "
+                "levels; use another factor at one of them"
+            )
     # Read the settings that `tdint scale` wrote next to the table. The file of settings is
     # optional, so errors are ignored. Its checksum states whether it belongs to this table.
     settings_file = Path(file.removesuffix(".gz")).with_suffix(".json")
@@ -574,7 +582,74 @@ def read_factors(file: str) -> FactorTable:
     if scale_settings:
         record_digest(settings_file, content)
     by_name = {motion: tuple(numbers) for motion, numbers in factors_of_motion.items()}
-    return FactorTable(file, by_name, scale_settings)
+    level_by_name = {
+        motion: tuple(numbers.values()) for motion, numbers in factors_of_motion.items()
+    }
+    if not level_unit:
+        return FactorTable(file, by_name, scale_settings)
+    return FactorTable(file, by_name, scale_settings, level_by_name, level_unit)
+
+
+_UNITS_OF_LEVELS = {
+    unit: (quantity, factor)
+    for quantity, units in GROUND_MOTION.items()
+    for unit, factor in units.items()
+}
+"""Quantity and factor to SI of each unit of an intensity measure."""
+
+_LEVEL_COLUMNS = (
+    "level",
+    *(
+        name
+        for unit in _UNITS_OF_LEVELS
+        for name in dict.fromkeys((f"level{suffix(unit)}", f"level ({unit})", f"level [{unit}]"))
+    ),
+)
+"""Names of the column of the levels: without a unit, or with a unit."""
+
+
+def _levels_in(table: CsvTable) -> tuple[list[float], str]:
+    """Return the levels of the rows of a table of factors, SI units, and their SI unit. The unit is
+    in the cell (`0.4 g`), in the name of the column (`level_g`, `level (g)`), or in a column
+    `unit`. Without a column of levels, all levels are NaN, and the unit is empty.
+
+    Raises
+    ------
+    ModelError
+        A level is not positive or has no unit, or the levels have units of several quantities.
+    """
+    columns = [name for name in _LEVEL_COLUMNS if table.has(name)]
+    if not columns:
+        return [math.nan] * len(table.rows), ""
+    if len(columns) > 1:
+        raise ModelError(f"{table.source}:1: two columns of levels, {columns[0]} and {columns[1]}")
+    (column,) = columns
+    column_units = [
+        unit
+        for unit in _UNITS_OF_LEVELS
+        if column in (f"level{suffix(unit)}", f"level ({unit})", f"level [{unit}]")
+    ]
+    units = table.texts("unit") if table.has("unit") else column_units * len(table.rows)
+    texts = table.texts(column, empty=False)
+    levels, quantities = [], dict[str, None]()
+    for text, unit, (line, _) in zip(texts, units or [""] * len(texts), table.rows, strict=True):
+        try:
+            level = parse_units(f"{text} {unit}".strip())
+        except UsageError:
+            level = None
+        if level is None or not level.has_factor or level.quantity not in GROUND_MOTION:
+            raise ModelError(
+                f"{table.source}:{line}: level must be a positive number with its unit, such as "
+                f"0.4 g, got {text[:40]!r}; add the unit, or name the column level_g"
+            )
+        levels.append(level.scale)
+        quantities[level.quantity] = None
+    if len(quantities) > 1:
+        raise ModelError(
+            f"{table.source}: the levels have units of {' and '.join(quantities)}; use one measure"
+        )
+    si_units = GROUND_MOTION[next(iter(quantities))]
+    return levels, next(unit for unit, factor in si_units.items() if factor == 1.0)
 
 
 def read_listed(
@@ -644,7 +719,8 @@ def _located(table: FactorTable) -> FactorTable:
             f"{table.source}: records not found: {missing_text}; the path of a record must be "
             "relative to the working directory or to the directory of the table"
         )
-    by_name = {
-        (located[file], component): values for (file, component), values in table.by_name.items()
-    }
-    return replace(table, by_name=by_name)
+    by_name, level_by_name = (
+        {(located[file], component): values for (file, component), values in rows.items()}
+        for rows in (table.by_name, table.level_by_name)
+    )
+    return replace(table, by_name=by_name, level_by_name=level_by_name)

@@ -49,6 +49,7 @@ from tdint.studies.campaign.chunks import (
     BuildingRuns,
     CampaignSettings,
     Chunk,
+    Place,
     Rows,
     Run,
     Source,
@@ -58,6 +59,7 @@ from tdint.studies.campaign.chunks import (
 from tdint.studies.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.fragility.type_states import Damage, damage_of
+from tdint.studies.motions.pairs import PairRule, recordings_of
 from tdint.studies.regions.inventory import unusual_rows
 
 _COLLAPSE_DRIFT = 0.10
@@ -199,12 +201,7 @@ class Plan:
         buildings = self._with_runs(slices)
         if number in self.kept:
             kept_runs = {tuple(row[:4]) for row in self.kept[number].runs}
-            buildings = tuple(
-                part._replace(
-                    runs=tuple(run for run in part.runs if (part.number, *run) not in kept_runs)
-                )
-                for part in buildings
-            )
+            buildings = tuple(part.without(kept_runs) for part in buildings)
         used_motions = sorted({run.motion for part in buildings for run in part.runs})
         records = {motion: self.motions[motion].record for motion in used_motions}
         return Chunk(number, buildings, records, self.settings)
@@ -296,7 +293,7 @@ class Plan:
         factors = values_by_motion(motions, periods, self.levels.factors)
         result = []
         for index, (number, run_slice) in enumerate(slices):
-            runs = []
+            runs, levels = list[Run](), list[float]()
             for draw in draws[index]:
                 # If the motions are scaled to levels of an intensity measure, the factor of the
                 # grid or field only determines the direction of the motion (its sign). It is not
@@ -304,11 +301,37 @@ class Plan:
                 factor = math.copysign(1.0, draw.scale) if is_measure else draw.scale
                 scales = factors[index][draw.motion]
                 runs += [draw._replace(scale=factor * scale) for scale in scales]
+                levels += self._levels_of(draw.motion)
             # The time step is chosen from all runs of the building, so that it does not depend on
             # the division into chunks.
             max_step = self._max_step(number, sources[index], runs)
-            result.append(BuildingRuns(number, sources[index], tuple(runs[run_slice]), max_step))
+            places = motions_and_levels(runs, levels, self.recordings)
+            result.append(
+                BuildingRuns(
+                    number,
+                    sources[index],
+                    tuple(runs[run_slice]),
+                    tuple(places[run_slice]),
+                    max_step,
+                )
+            )
         return tuple(result)
+
+    @cached_property
+    def recordings(self) -> Mapping[int, int]:
+        """Number of the first component of the recording of each motion."""
+        return PairRule.from_motions(self.motions, None).recordings
+
+    def _levels_of(self, motion: int) -> Sequence[float]:
+        """Return the level of each scale factor of a motion. Several factors of motions at sites,
+        which have individual factors, are numbered."""
+        values = self.levels.level_values(motion)
+        if not isinstance(self.levels, Scales) or isinstance(self.assignment, EveryMotion):
+            return values
+        if len(values) == 1:
+            return [math.nan]
+        order = sorted(range(len(values)), key=lambda index: abs(values[index]))
+        return [1.0 + order.index(index) for index in range(len(values))]
 
     def _max_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
         """Return the maximum time step of a building for which the estimated errors are within the
@@ -332,6 +355,33 @@ class Plan:
     def _max_steps(self) -> Array:
         """Maximum time step of each building, s: NaN before it is computed, 0 if there is none."""
         return np.full(len(self.buildings), math.nan)
+
+
+def motions_and_levels(
+    runs: Sequence[Run], levels: Sequence[float], recordings: Mapping[int, int]
+) -> list[Place]:
+    """Return the ground motion and the level of each run of a building.
+
+    Components are one motion if recording, sample, level and factor are equal. This function is the
+    only place that decides it; the results are stored with the runs.
+    """
+    # A level of NaN is not equal to NaN.
+    keys = [
+        (recordings[run.motion], run.sample, None if math.isnan(level) else level)
+        for run, level in zip(runs, levels, strict=True)
+    ]
+    factors: dict[tuple[int, int, float | None], list[float]] = {}
+    for key, run in zip(keys, runs, strict=True):
+        known = factors.setdefault(key, [])
+        if run.scale not in known:
+            known.append(run.scale)
+    places = []
+    for key, run, level in zip(keys, runs, levels, strict=True):
+        name = f"{key[0] + 1}"
+        if len(factors[key]) > 1:
+            name += f"-{factors[key].index(run.scale) + 1}"
+        places.append(Place(name, level))
+    return places
 
 
 def _samples(record: Record) -> int:
@@ -387,7 +437,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         rates=motions.rates,
         pair_demand=campaign.pair_demand,
         notes=(*notes, *motions.notes),
-        warnings=_plausibility_warnings(buildings),
+        warnings=(*_factor_warnings(levels, motions.motions), *_plausibility_warnings(buildings)),
         damage=damage,
         inventory=campaign.buildings.files if isinstance(campaign.buildings, InventoryFile) else (),
     )
@@ -404,12 +454,17 @@ def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
     if isinstance(campaign.intensity, Scales):
         return campaign.intensity
     if isinstance(campaign.intensity, MeasureLevels):
-        return replace(campaign.intensity, motions=motions)
+        return replace(campaign.intensity, recordings=recordings_of(motions))
     table = inputs.factors
     assert table is not None
-    return replace(
-        table, by_motion={number: table.of(motion) for number, motion in enumerate(motions)}
-    )
+    return table.of_motions(motions)
+
+
+def _factor_warnings(levels: Levels, motions: Sequence[SuiteMotion]) -> list[str]:
+    """Return a warning for each pair of components with different factors in a table."""
+    if not isinstance(levels, FactorTable):
+        return []
+    return levels.unequal_factors(motions, PairRule.from_motions(motions, None).partners)
 
 
 def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:

@@ -19,8 +19,10 @@ from functools import partial
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
+from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import pair_name
 from tdint.model.limits import (
     LINK_DEFORMATION,
@@ -31,7 +33,6 @@ from tdint.model.limits import (
     check_demands,
     isolator_check,
 )
-from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import STORY_QUANTITIES, Response
@@ -41,7 +42,21 @@ from tdint.response.spectra.floor_motions import FloorSpectrum, floor_spectra, f
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.motions.intensity import SPECTRAL, measure_at
-from tdint.studies.motions.pairs import PairRule, combine
+from tdint.studies.motions.outcomes import (
+    COMPLETED,
+    Counts,
+    Indices,
+    Outcomes,
+    counts,
+    demands_of_motions,
+    first_runs,
+    indices_of,
+    last_runs,
+    outcomes_of,
+    outcomes_of_motions,
+    with_outcomes,
+)
+from tdint.studies.motions.pairs import PairRule
 from tdint.studies.store.result_store import Store
 from tdint.system import on_threads
 from tdint.units import Quantity
@@ -49,9 +64,6 @@ from tdint.units import Quantity
 DRIFT_RATIO = "peak_drift_ratio"
 _NUMBERED_LEVEL = ("level", "")
 """Name and unit of levels that are numbered, because each motion has individual scale factors."""
-
-
-_FRACTILES = (16.0, 50.0, 84.0)  # percentiles of the statistics p16, median and p84
 
 
 @dataclass(frozen=True)
@@ -67,31 +79,18 @@ class Statistics:
     max: Array
 
     @classmethod
-    def of(cls, values: Array, collapsed: int = 0) -> Statistics:
-        """Return the statistics of values of shape (motions, n). Fractiles are interpolated
-        linearly between the sorted values.
-
-        Parameters
-        ----------
-        collapsed : int
-            Number of further motions that cause collapse, which is larger than every value.
-        """
-        if not len(values):
+    def of(cls, values: Array) -> Statistics:
+        """Return the statistics of values of shape (motions, n), by the rules of `fractiles`:
+        infinity is a collapse, NaN is a motion without a result."""
+        p16, median, p84 = fractiles(values)
+        completed = values[np.isfinite(values).any(axis=1)]
+        if not len(completed):
             missing = np.full(values.shape[1], math.nan)
-            fractile = np.full(values.shape[1], math.inf if collapsed else math.nan)
-            return cls(missing, fractile, fractile, fractile, missing)
-        mean, largest = np.mean(values, axis=0), np.max(values, axis=0)
-        # A fractile between two sorted values is a collapse if the upper value is a collapse. The
-        # ranks of the values result from the same interpolation, applied to their numbers.
-        ranks = np.percentile(np.arange(len(values) + collapsed), _FRACTILES)
-        sorted_last = np.concatenate([values, np.repeat(largest[None], collapsed, axis=0)])
-        fractiles = np.percentile(sorted_last, _FRACTILES, axis=0)
-        fractiles[np.ceil(ranks) >= len(values)] = math.inf
-        p16, median, p84 = fractiles
-        return cls(mean, median, p16, p84, largest)
+            return cls(missing, median, p16, p84, missing)
+        return cls(np.mean(completed, axis=0), median, p16, p84, np.max(completed, axis=0))
 
     @classmethod
-    def errors(cls, values: Array, errors: Array, collapsed: int = 0) -> Statistics:
+    def errors(cls, values: Array, errors: Array) -> Statistics:
         """Return the maximum errors of the statistics that result from errors of the values.
 
         All statistics increase with the values, so that their error is maximum if all errors have
@@ -101,8 +100,6 @@ class Statistics:
         ----------
         values, errors : ndarray, shape (motions, n)
             Values in n stories and their estimated absolute errors.
-        collapsed : int
-            Number of further motions that cause collapse.
 
         Returns
         -------
@@ -112,7 +109,7 @@ class Statistics:
 
         def statistics_of(samples: Array) -> Array:
             """Return the statistics of samples in the order of the fields of the class."""
-            statistics = np.array(list(vars(cls.of(samples, collapsed)).values()))
+            statistics = np.array(list(vars(cls.of(samples)).values()))
             return np.where(np.isinf(statistics), math.nan, statistics)
 
         return cls(*_maximum_error(statistics_of, values, errors))
@@ -141,14 +138,12 @@ class SuiteLevel:
     level : float
         Value of the intensity measure, SI units. If each motion has several individual factors,
         number of the factor, from 1. NaN if the level is a factor (`scale`).
-    completed : list of list of Run
-        Runs of each motion without collapse: one run, or two for a pair.
-    collapsed : int
-        Number of motions with collapse.
-    pairs : int
-        Number of motions that are pairs of components, including collapsed and failed runs.
-    failed : int
-        Number of motions without a result.
+    runs : list of Run
+        All runs at the level.
+    motion : ndarray of int
+        Index of the motion of each run.
+    outcome : ndarray of int
+        Outcome of each motion (`tdint.studies.motions.outcomes`).
     measure : tuple of str
         Name and unit of the level.
     pair_demand : str
@@ -158,10 +153,9 @@ class SuiteLevel:
 
     scale: float
     level: float
-    completed: list[list[Run]]
-    collapsed: int
-    pairs: int
-    failed: int
+    runs: list[Run]
+    motion: Indices
+    outcome: Outcomes
     measure: tuple[str, str]
     pair_demand: str
 
@@ -171,24 +165,22 @@ class SuiteLevel:
         return level_text(self.scale, self.level, self.measure)
 
     @property
-    def lost(self) -> int:
-        """Number of motions with collapse or without a result, which means exclude."""
-        return self.collapsed + self.failed
+    def counts(self) -> Counts:
+        """Numbers of motions; a pair is one motion."""
+        return counts(self.outcome)
 
     @property
-    def runs(self) -> int:
-        """Number of motions; a pair is one motion."""
-        return len(self.completed) + self.collapsed + self.failed
+    def pairs(self) -> int:
+        """Number of motions that are pairs of components."""
+        return len(self.runs) - len(self.outcome)
 
     def demands(self, values: Mapping[Run, Any]) -> Array:
-        """Return the demand of each completed motion, which combines the values of its runs, as an
-        array with the motions on the first axis."""
-        return np.array(
-            [
-                combine(np.array([values[run] for run in runs]), self.pair_demand)
-                for runs in self.completed
-            ]
-        )
+        """Return the demand of each motion, which combines the values of its runs, as an array with
+        the motions on the first axis: infinity for a collapse, NaN without a result."""
+        missing = np.full(np.shape(next(iter(values.values()), ())), math.nan)
+        of_runs = np.array([values.get(run, missing) for run in self.runs], float)
+        demands = demands_of_motions(self.motion, of_runs, self.pair_demand)
+        return with_outcomes(demands, self.outcome)
 
 
 @dataclass(frozen=True)
@@ -198,12 +190,12 @@ class Profile(SuiteLevel):
     Attributes
     ----------
     motions : tuple of str
-        Motions of completed runs.
+        Name of each motion.
     height : ndarray, shape (n,)
         Story heights, m; NaN if not specified.
     peaks : mapping of str to ndarray, shape (motions, n)
         Maximum absolute values of each quantity of `tdint.response.runs.outcome.STORY_QUANTITIES`,
-        by its name.
+        by its name; infinity for a collapse, NaN without a result.
     peak_errors : mapping of str to ndarray, shape (motions, n)
         Their estimated errors, NaN if missing; empty if not requested.
     isolators : tuple of int
@@ -219,35 +211,38 @@ class Profile(SuiteLevel):
     isolators: tuple[int, ...] = ()
 
     @property
-    def keys(self) -> list[tuple[int, int]]:
-        """Motion and sample of each completed motion, which identify it in all buildings."""
-        return [(runs[0].motion, runs[0].sample) for runs in self.completed]
+    def keys(self) -> list[tuple[int, float, int]]:
+        """First record of each motion, its factor and its sample, which identify it in all
+        buildings at the level."""
+        return [tuple(self.runs[index]) for index in first_runs(self.motion)]
 
-    def restricted_to(self, keys: Collection[tuple[int, int]]) -> Self:
-        """Return the profile of some of the completed motions, without any other motion."""
-        kept = [index for index, key in enumerate(self.keys) if key in keys]
+    def restricted_to(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the profile of some of the motions (a mask)."""
+        indices = np.flatnonzero(kept)
+        is_of_kept = kept[self.motion]
         return replace(
             self,
-            completed=[self.completed[index] for index in kept],
-            collapsed=0,
-            failed=0,
-            motions=tuple(self.motions[index] for index in kept),
+            runs=[run for run, is_kept in zip(self.runs, is_of_kept, strict=True) if is_kept],
+            motion=np.searchsorted(indices, self.motion[is_of_kept]),
+            outcome=self.outcome[kept],
+            motions=tuple(self.motions[index] for index in indices),
             peaks={name: values[kept] for name, values in self.peaks.items()},
             peak_errors={name: values[kept] for name, values in self.peak_errors.items()},
         )
 
-    @property
-    def lost_text(self) -> str:
-        """Number of motions with collapse or without a result as text, such as `8 collapsed`."""
-        counts = {"collapsed": self.collapsed, "failed": self.failed}
-        return " and ".join(f"{count} {outcome}" for outcome, count in counts.items() if count)
+    @cached_property
+    def completed(self) -> Self:
+        """The profile of the completed motions."""
+        return self.restricted_to(self.outcome == COMPLETED)
 
     @property
     def lost_reason(self) -> str:
         """Reason why no limit is met; empty if all runs are completed without collapse."""
-        if not self.lost:
+        if not self.counts.lost:
             return ""
-        return f"{self.lost} of {pluralize(self.runs, 'motion')} collapsed or failed"
+        return (
+            f"{self.counts.lost} of {pluralize(self.counts.motions, 'motion')} collapsed or failed"
+        )
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
         """Compare the mean demands over the motions with limits: by default all limits of the
@@ -265,22 +260,23 @@ class Profile(SuiteLevel):
         return check_demands(
             self.limits,
             limit,
-            self.peaks,
+            self.completed.peaks,
             self.height,
-            self.motions,
+            self.completed.motions,
             name=self.building,
-            has_failure=bool(self.lost),
+            has_failure=bool(self.counts.lost),
         )
 
     @property
     def isolator_check(self) -> LimitCheck | None:
         """Comparison that reports the displacement of the isolators; its limit is infinite. None
         without isolators."""
-        return isolator_check(self.isolators, self.peaks, self.height, self.motions)
+        completed = self.completed
+        return isolator_check(self.isolators, completed.peaks, self.height, completed.motions)
 
     def statistics(self, quantity: Quantity) -> Statistics:
         """Return the statistics of a quantity of `STORY_QUANTITIES` in each story, SI units."""
-        return Statistics.of(self.peaks[quantity.name], self.collapsed)
+        return Statistics.of(self.peaks[quantity.name])
 
     def errors(self, quantity: Quantity) -> Statistics | None:
         """Return the errors of the statistics of a quantity in each story, which result from the
@@ -289,7 +285,7 @@ class Profile(SuiteLevel):
         if not self.peak_errors:
             return None
         values = self.peaks[quantity.name]
-        return Statistics.errors(values, self.peak_errors[quantity.name], self.collapsed)
+        return Statistics.errors(values, self.peak_errors[quantity.name])
 
 
 def profiles(store: Store) -> Iterator[Profile]:
@@ -311,10 +307,13 @@ def profiles(store: Store) -> Iterator[Profile]:
         values_by_run = _story_values(store, number, has_errors)
         devices = device_values(store, number, limits.limits)
         for level in rules.levels_of(store, number):
-            # `runs` are the runs of a motion: two of a pair, with both components in the name.
+            # The name of a pair contains both components, its first and its last run.
+            files = np.array([file_of_record[run.motion] for run in level.runs], object)
             motions = tuple(
-                pair_name(file_of_record[runs[0].motion], file_of_record[runs[-1].motion])
-                for runs in level.completed
+                pair_name(*files[[first, last]])
+                for first, last in zip(
+                    first_runs(level.motion), last_runs(level.motion), strict=True
+                )
             )
             height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
             peaks |= {quantity: level.demands(values) for quantity, values in devices.items()}
@@ -384,113 +383,81 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
     return "" if math.isnan(level) else f"{name} {level:.4g} {unit}".rstrip()
 
 
+SuiteRun = tuple[Run, str, float | None, str]
+"""Run of a store with its ground motion and its level (`tdint.studies.campaign.chunks.Place`; None
+without a level), and its status."""
+
+
 @dataclass(frozen=True)
 class SuiteRules:
     """Rules that group the runs of a building by intensity level and ground motion.
 
     Attributes
     ----------
-    values : sequence of float
-        Values of the levels of an intensity measure; empty without a measure.
-    has_several_levels : bool
-        True if each motion has several levels that are not common factors of all motions
-        (`has_levels`).
+    has_levels : bool
+        True if levels are not common scale factors of all motions (`level_measure`).
     measure : tuple of str
         Name and unit of the levels.
     """
 
     pairs: PairRule
-    values: Sequence[float]
-    has_several_levels: bool
+    has_levels: bool
     measure: tuple[str, str]
 
     @classmethod
     def of(cls, store: Store) -> SuiteRules:
         """Return the rules of a campaign from its store."""
-        settings = store.parameters()
-        # `levels` ranks the runs of a motion by absolute scale factor. Sort the values in the same
-        # way, so that the rank of a run is the index of its level.
-        values = sorted(settings.get("levels", ()), key=abs)
-        measure = _NUMBERED_LEVEL
-        if values:
-            name, period = settings["measure"], settings["period"]
-            unit = measure_at(name, SA_DAMPING, 1.0).unit
-            measure = (f"{name}({period})" if name in SPECTRAL else name, unit)
-        return cls(store.pair_rule(), values, has_levels(store), measure)
+        measure = level_measure(store)
+        return cls(store.pair_rule(), measure is not None, measure or ("", ""))
 
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
-        """Group the runs of a building by intensity level, and yield the levels in ascending order
-        of the absolute scale factors.
-        """
-        return self.levels(dict(store.values_of_runs("run_rows", "status", building)))
+        """Group the runs of a building by intensity level, and yield the levels in ascending
+        order."""
+        return self.levels(store.values_of_runs("run_rows", "motion, level, status", building))
 
-    def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
-        """Group runs of a building by intensity level, and yield the levels in ascending order.
-
-        The scale factors of each motion are ranked by their magnitude (without sign). The smallest
-        factors of all motions are the first level, and so on.
-        """
-        runs_of_rank: dict[int, list[Run]] = defaultdict(list)
-        # Motions may have different factors for the same level. The level of a run is therefore the
-        # rank of its factor.
-        for run, rank in level_ranks(status).items():
-            runs_of_rank[rank].append(run)
-        for rank, level_runs in sorted(runs_of_rank.items()):
-            runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
-            for run in level_runs:
-                runs_of_motion[self.pairs.motion(run.motion), run.sample].append(run)
-            # A motion failed or collapsed if the run of one of its components did. A motion with a
-            # failed and a collapsed component counts as failed.
-            completed: list[list[Run]] = []
-            collapsed_count, failed_count = 0, 0
-            for runs in runs_of_motion.values():
-                statuses = [status[run] for run in runs]
-                if any(item not in (DONE, *FALLEN) for item in statuses):
-                    failed_count += 1
-                elif any(item in FALLEN for item in statuses):
-                    collapsed_count += 1
-                else:
-                    completed.append(runs)
-            scale, level = self.scale_and_level(rank, {run.scale for run in level_runs})
+    def levels(self, rows: Iterable[SuiteRun]) -> Iterator[SuiteLevel]:
+        """Group runs of a building by intensity level, and yield the levels in ascending order of
+        their magnitude (without sign)."""
+        rows_of_level: dict[float | None, list[SuiteRun]] = defaultdict(list)
+        for row in rows:
+            rows_of_level[row[2]].append(row)
+        for value in sorted(rows_of_level, key=lambda level: abs(level or 0.0)):
+            at_level = rows_of_level[value]
+            runs = [run for run, *_ in at_level]
+            motion = indices_of(self.pairs.motion_key(run, name) for run, name, *_ in at_level)
+            outcome = outcomes_of_motions(motion, outcomes_of(status for *_, status in at_level))
+            scales = {run.scale for run in runs}
+            is_common = len(scales) == 1 and not self.has_levels
             yield SuiteLevel(
-                scale=scale,
-                level=level,
-                completed=completed,
-                collapsed=collapsed_count,
-                pairs=sum(len(runs) > 1 for runs in runs_of_motion.values()),
-                failed=failed_count,
-                measure=self.measure,
-                pair_demand=self.pairs.demand_if_pairs,
+                scales.pop() if is_common else math.nan,
+                value if self.has_levels and value is not None else math.nan,
+                runs,
+                motion,
+                outcome,
+                self.measure,
+                self.pairs.demand_if_pairs,
             )
 
-    def scale_and_level(self, rank: int, scales: set[float]) -> tuple[float, float]:
-        """Return the attributes `scale` and `level` of the `SuiteLevel` for a rank. An attribute
-        that does not describe the level is NaN.
 
-        `rank` is the number of the level, from 0, in ascending order of the absolute scale factors.
-        """
-        # With an intensity measure, the rank is the index of its value. Otherwise, levels are
-        # numbered from 1 if the motions have individual factors.
-        is_common_scale = len(scales) == 1 and not self.has_several_levels
-        scale = next(iter(scales)) if is_common_scale else math.nan
-        if self.values:
-            return scale, self.values[rank]
-        return scale, rank + 1.0 if self.has_several_levels else math.nan
+def level_measure(store: Store) -> tuple[str, str] | None:
+    """Return name and SI unit of the levels of a campaign, such as `sa(T1)` and `m/s^2`; None if
+    its levels are common scale factors, or all motions are one suite.
 
-
-def has_levels(store: Store) -> bool:
-    """Return True if a campaign has levels that are not common scale factors of all motions.
-
-    Such levels are values of an intensity measure, several factors of a motion, or several factors
-    of motions at sites, which already have individual factors.
+    The levels are values of an intensity measure to which the motions were scaled, the column
+    `level` of a table of factors, or the numbers of several factors of motions at sites, which
+    already have individual factors.
     """
     settings = store.parameters()
-    # The settings contain the SHA-256 of a grid or of ground motion fields if the campaign has them
-    # (`has_sites`).
-    has_several_factors = any(len(values) > 1 for values in settings.get("factors", {}).values())
-    has_several_scales = len(settings.get("scales", ())) > 1
+    if "levels" in settings:
+        name, period = settings["measure"], settings["period"]
+        unit = measure_at(name, SA_DAMPING, 1.0).unit
+        return f"{name}({period})" if name in SPECTRAL else name, unit
+    if "factor_levels" in settings:
+        return "level", settings["level_unit"]
+    # The settings contain the SHA-256 of a grid or of ground motion fields if the campaign has
+    # them.
     has_sites = "grid_sha256" in settings or "field_sha256" in settings
-    return "levels" in settings or has_several_factors or (has_sites and has_several_scales)
+    return _NUMBERED_LEVEL if has_sites and len(settings.get("scales", ())) > 1 else None
 
 
 def _peaks(
@@ -500,61 +467,44 @@ def _peaks(
     of a level and their errors (empty if not estimated), shape (motions, stories), by the name of
     the quantity. The values of each run are those of `_story_values`.
     """
-    if not level.completed:
-        no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY_QUANTITIES}
+    if not (level.outcome == COMPLETED).any():
+        lost = with_outcomes(np.zeros((len(level.outcome), stories)), level.outcome)
+        no_values = {quantity.name: lost for quantity in STORY_QUANTITIES}
         return np.full(stories, math.nan), no_values, no_values if checked else {}
-    # Residual drifts are signed: use absolute values. `motion_values` is a list with an array of
-    # shape (components, stories, columns) for each motion: one component, or two for a pair.
-    motion_values = [np.abs([values_of_run[run] for run in runs]) for runs in level.completed]
-    heights = motion_values[0][0, :, 0]
-    quantities = [values[:, :, 1:_FIRST_ERROR] for values in motion_values]
-    errors = [values[:, :, _FIRST_ERROR:] for values in motion_values]
-    # Combine the components of each motion (maximum or mean); this removes the first axis. `peaks`
-    # has the shape (stories, quantities, motions).
-    combine_components = partial(combine, demand=level.pair_demand)
-    peaks = np.stack([combine_components(values) for values in quantities], axis=-1)
+    # Residual drifts are signed: use absolute values. `peaks` has the shape (motions, stories,
+    # columns); the columns are height, quantities and errors.
+    absolute = {run: np.abs(values) for run, values in values_of_run.items()}
+    values = level.demands(absolute)
+    heights = values[level.outcome == COMPLETED][0, :, 0]
+    peaks = _by_quantity(values[:, :, 1:_FIRST_ERROR])
     if not checked:
-        return heights, _transpose_by_quantity(peaks), {}
-    # `peak_errors` is a list with an array of shape (stories, quantities) for each motion.
-    peak_errors = [
-        _maximum_error(combine_components, *values_and_errors)
-        for values_and_errors in zip(quantities, errors, strict=True)
+        return heights, peaks, {}
+    changed = [
+        level.demands(
+            {
+                run: item[:, 1:_FIRST_ERROR] + sign * item[:, _FIRST_ERROR:]
+                for run, item in absolute.items()
+            }
+        )
+        for sign in (1.0, -1.0)
     ]
-    return (
-        heights,
-        _transpose_by_quantity(peaks),
-        _transpose_by_quantity(np.stack(peak_errors, axis=-1)),
-    )
+    with np.errstate(invalid="ignore"):  # the difference of two collapses
+        middle = values[:, :, 1:_FIRST_ERROR]
+        errors = np.maximum(changed[0] - middle, middle - changed[1])
+    errors[level.outcome != COMPLETED] = 0.0
+    return heights, peaks, _by_quantity(errors)
 
 
-def _transpose_by_quantity(values: Array) -> dict[str, Array]:
-    """Return the values of each quantity of `STORY_QUANTITIES`, by name, as an array of shape
-    (motions, stories).
+def _by_quantity(values: Array) -> dict[str, Array]:
+    """Return the values of each quantity of `STORY_QUANTITIES`, by name, shape (motions, stories).
 
-    `values` is an array of shape (stories, quantities, motions).
+    `values` is an array of shape (motions, stories, quantities).
     """
-    return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY_QUANTITIES)}
+    return {quantity.name: values[:, :, i] for i, quantity in enumerate(STORY_QUANTITIES)}
 
 
 _FIRST_ERROR = 1 + len(STORY_QUANTITIES)
 """Index of the first error in the columns of a story, after its height and its quantities."""
-
-
-def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
-    """Return the number of the intensity level of each run, from 0.
-
-    The number is the rank of the absolute scale factor of the run in the runs with the same motion
-    and sample. A level is not identified by the factor, because motions may have different factors
-    at the same level.
-    """
-    runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
-    for run in runs:
-        runs_of_motion[run.motion, run.sample].append(run)
-    ranks: dict[Run, int] = {}
-    for motion_runs in runs_of_motion.values():
-        ascending = sorted(motion_runs, key=lambda run: abs(run.scale))
-        ranks |= {run: rank for rank, run in enumerate(ascending)}
-    return ranks
 
 
 # ---- Floor response spectra under a suite: spectra of each run, mean and envelope over the motions
@@ -696,15 +646,16 @@ def floor_suites(store: Store, floors: SpectraOfRuns) -> Iterator[FloorSuite]:
     for number, spectra_of_run in floors.items():
         # Collapsed and failed runs have no response history and are excluded.
         for level in rules.levels_of(store, number):
-            if not level.completed:
+            is_completed = level.outcome == COMPLETED
+            if not is_completed.any():
                 continue
             # All runs have the spectra of the same floors and damping ratios in the same order:
             # use these from the first run, and the pseudo-accelerations from all runs.
-            for index, floor_spectrum in enumerate(spectra_of_run[level.completed[0][0]]):
+            for index, floor_spectrum in enumerate(next(iter(spectra_of_run.values()))):
                 spectrum, name = floor_spectrum.spectrum, names[number][0]
                 psa = level.demands(
                     {run: spectra[index].spectrum.psa for run, spectra in spectra_of_run.items()}
-                )
+                )[is_completed]
                 yield FloorSuite(
                     **vars(level),
                     building=name,

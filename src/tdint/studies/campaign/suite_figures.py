@@ -17,7 +17,6 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
-from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output.figures.floor_spectra import set_floor_axes
 from tdint.output.figures.legends import legend_columns
@@ -43,7 +42,8 @@ from tdint.studies.campaign.story_profiles import (
     isolated_base,
     level_text,
 )
-from tdint.studies.campaign.variants import Comparison, at_levels
+from tdint.studies.campaign.variants import at_levels
+from tdint.studies.motions.outcomes import outcomes_of, with_outcomes
 from tdint.studies.motions.pairs import MEAN
 from tdint.studies.motions.scaling_figures import GRAY
 from tdint.units import SI, OutputUnits
@@ -87,13 +87,10 @@ def profile_picture(
     plot_styles = building_styles(profile.building for profile in profiles)
     for axes, row in zip(panels, shown, strict=True):
         by_length = _by_length(row)
-        # Means of several buildings are compared under the motions that all buildings survive.
-        comparison = Comparison.of(row)
         lowest = min(isolated_base(profile.isolators) for profile in row)
-        drawn = comparison.common if len(row) > 1 and comparison.common else row
-        for profile in drawn:
+        for profile in row:
             base = isolated_base(profile.isolators) - lowest
-            peaks = profile.peaks
+            peaks = profile.completed.peaks
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
             accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
             for panel, values in zip(
@@ -105,8 +102,8 @@ def profile_picture(
                         panel, values, line, plot_styles[profile.building], "largest", member
                     )
         level = row[0].level_text if len(rows) > 1 else ""
-        _finish_row(axes, drawn, units, None if by_length else limit, level)
-        if text := _lost_motions_text(comparison):
+        _finish_row(axes, row, units, None if by_length else limit, level)
+        if text := _lost_motions_text(row):
             axes[0].set_title(text, loc="left", fontsize=8.0, parse_math=False)
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     _add_common_legend(figure, panels[:, 0])
@@ -121,7 +118,7 @@ def _motions_text(profile: Profile, member: str) -> str:
     """Return the number of ground motions of a profile and the demand of pairs for a title, for
     example `11 pairs, the larger component of each`.
     """
-    runs, pairs = profile.runs, profile.pairs
+    runs, pairs = profile.counts.motions, profile.pairs
     is_mean = profile.pair_demand == MEAN
     demand = "mean of both components" if is_mean else "larger component"
     if 0 < pairs < runs:
@@ -139,7 +136,8 @@ def _by_length(profiles: Sequence[Profile]) -> bool:
     """Return True if the drift ratios of a building are unknown, because its stories have no
     heights. The figure then shows drifts as lengths."""
     return any(
-        profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in profiles
+        profile.counts.completed and np.isnan(profile.completed.peaks[DRIFT_RATIO]).all()
+        for profile in profiles
     )
 
 
@@ -197,17 +195,20 @@ def _draw_motions(
     line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
 
 
-def _lost_motions_text(comparison: Comparison) -> str:
-    """Return the text on motions with collapse or without a result, which means do not contain;
-    empty without such motions."""
-    if not any(profile.lost for profile in comparison.profiles):
+def _lost_motions_text(profiles: Sequence[Profile]) -> str:
+    """Return the text on motions with collapse or without a result, which the figure does not
+    contain; empty without such motions."""
+    counts = [profile.counts for profile in profiles]
+    if not any(item.lost for item in counts):
         return ""
-    if len(comparison.profiles) == 1:
-        profile = comparison.profiles[0]
-        return f"{profile.lost} of {profile.runs} collapsed or failed: not drawn"
-    if comparison.common:
-        return f"{comparison.motions} motions that all buildings survive"
-    return "different motions: not comparable"
+    if len(counts) == 1:
+        return f"{counts[0].lost} of {counts[0].motions} collapsed or failed: not drawn"
+    drawn = ", ".join(str(item.completed) for item in counts[:_MAX_COUNTS])
+    more = ", ..." if len(counts) > _MAX_COUNTS else ""
+    return f"motions that each building completes: {drawn}{more}"
+
+
+_MAX_COUNTS = 6  # numbers of motions in the title of a panel, which is narrow
 
 
 def _line(axes: Any, values: Array, by_floor: bool, base: int, **style: Any) -> None:
@@ -271,7 +272,7 @@ def _finish_row(
         panel.set_xlim(left=0.0)
         panel.tick_params(labelleft=panel is drifts)
         # Panels without lines, because no run has a result, have no scale.
-        if not any(profile.motions for profile in profiles):
+        if not any(profile.counts.completed for profile in profiles):
             panel.set_xticks([])
 
 
@@ -326,7 +327,7 @@ def floor_suite_picture(
         axes.set_visible(False)
     _add_common_legend(figure, grid.ravel())
     subject = suites[0].building if len(plot_styles) == 1 else f"{len(plot_styles)} buildings"
-    title = f"{subject}, {pluralize(suites[0].runs, 'motion')}\n"
+    title = f"{subject}, {pluralize(suites[0].counts.motions, 'motion')}\n"
     title += "spectra of absolute floor accelerations"
     if len(panels) > len(shown):
         title += f"; the first {len(shown)} of {len(panels)} panels"
@@ -365,7 +366,7 @@ def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
     plot_styles = building_styles(profile.building for profile in profiles)
     levels = len({profile.level_text for profile in profiles})
     for number, profile in enumerate(profiles):
-        peaks = profile.peaks
+        peaks = profile.completed.peaks
         drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
         plot_style = plot_styles[profile.building]
         if levels > 1:
@@ -406,9 +407,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
             selected = np.flatnonzero((runs.model == number) & has_scale)
             if not selected.size:
                 continue
-            status = runs.status[selected]
-            done = selected[status == DONE]
-            collapsed = int(np.count_nonzero(np.isin(status, FALLEN)))
+            outcome = outcomes_of(runs.status[selected])
             n = len(model.stories)
             name = names[number]
             profiles.append(
@@ -416,17 +415,18 @@ def run_profiles(runs: Runs) -> list[Profile]:
                     scale,
                     math.nan,
                     # A run is identified by its number in the runs of its building and scale.
-                    [[Run(int(index), scale, 0)] for index in np.flatnonzero(status == DONE)],
-                    collapsed,
-                    pairs=0,
-                    failed=selected.size - done.size - collapsed,
+                    [Run(index, scale, 0) for index in range(selected.size)],
+                    np.arange(selected.size),
+                    outcome,
                     measure=("", ""),
                     pair_demand="",
                     building=name if names.count(name) == 1 else f"{name} ({number + 1})",
-                    motions=tuple(runs.records[runs.record[run]].source for run in done),
+                    motions=tuple(runs.records[runs.record[run]].source for run in selected),
                     height=np.array([story.height or math.nan for story in model.stories]),
                     peaks={
-                        quantity.name: getattr(runs.stories, quantity.name)[done, :n]
+                        quantity.name: with_outcomes(
+                            getattr(runs.stories, quantity.name)[selected, :n], outcome
+                        )
                         for quantity in STORY_QUANTITIES
                     },
                     peak_errors={},

@@ -5,18 +5,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.errors import RecordError
-from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
@@ -47,13 +42,14 @@ from tdint.studies.campaign.campaign_tables import (
 )
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
-from tdint.studies.campaign.story_profiles import FloorSuite, Profile, level_ranks
-from tdint.studies.campaign.variants import Comparison, comparisons, story_pairs
+from tdint.studies.campaign.story_profiles import FloorSuite, Profile
+from tdint.studies.campaign.variants import at_levels, ratios_of, story_pairs
 from tdint.studies.fragility.building_damage import has_losses
 from tdint.studies.fragility.damage_tables import loss_table, type_table
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
-from tdint.studies.motions.pairs import PairRule, describe_demand
+from tdint.studies.motions.outcomes import MIN_COMMON
+from tdint.studies.motions.pairs import describe_demand, recordings_of
 from tdint.studies.motions.scaling import Scaling
 from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits
@@ -369,13 +365,13 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
     """Return for each intensity level its unscaled records with their scale factors, smallest
     factors first. Levels that are equal for several buildings are returned once.
     """
-    levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
-    for building, rows in groupby(store.runs(), key=itemgetter(0)):
-        for run, rank in level_ranks(Run(*row[1:4]) for row in rows).items():
-            levels.setdefault((building, rank), []).append((run.motion, run.scale))
+    levels: dict[tuple[int, float | None], list[tuple[int, float]]] = {}
+    for building, record, scale, _sample, _motion, level, *_ in store.runs():
+        levels.setdefault((building, level), []).append((record, scale))
+    ascending = sorted(levels, key=lambda key: (key[0], abs(key[1] or 0.0)))
     return [
         [(plan.motions[motion].record, scale) for motion, scale in level]
-        for level in dict.fromkeys(map(tuple, levels.values()))
+        for level in dict.fromkeys(tuple(levels[key]) for key in ascending)
     ]
 
 
@@ -477,26 +473,14 @@ def _scaled_motions(
     a pair. Each item of `plan.motions` is a component; its attribute `ground_motion` is the object
     that was read: a single record, or the pair that contains the component.
     """
-    # `partners` contains the index of the first component by the index of the second component.
-    # None is the default rule for the demands of pairs, which has no effect on the partners.
-    partners = PairRule.from_motions(plan.motions, None).partners if paired else {}
-    # `pairs` contains the joined pairs by the index of their first component. Components that do
-    # not fit together, for example with different sampling intervals, remain single motions.
-    pairs: dict[int, Horizontals] = {}
-    for second, first in partners.items():
-        recorded = [plan.motions[first].ground_motion, plan.motions[second].ground_motion]
-        records = [motion for motion in recorded if isinstance(motion, Record)]
-        if len(records) == 2:
-            with suppress(RecordError):
-                pairs[first] = find_horizontals(records)
-    # The two components of a pair that was read from one file have the same `ground_motion`. Its
-    # identity is the key, so that the result contains each pair a single time.
+    found = recordings_of(plan.motions)
+    if not paired:
+        found = [item.ground_motion for item in plan.motions]
+    # The two components of a pair have the same recording. Its identity is the key, so that the
+    # result contains each pair a single time.
     motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
-    for index, item in enumerate(plan.motions):
-        if partners.get(index) in pairs:
-            continue  # the second component of a joined pair
-        motion = pairs.get(index, item.ground_motion)
-        motions[id(item.ground_motion)] = motion, tuple(table.by_motion[index])
+    for index, motion in enumerate(found):
+        motions.setdefault(id(motion), (motion, tuple(table.by_motion[index])))
     return list(motions.values())
 
 
@@ -514,10 +498,11 @@ _MAX_SENTENCES = 3  # maximum number of levels with a separate sentence
 
 
 class _Variant(NamedTuple):
-    """Row of the table: a building at a level. Means are over the common motions, in the story or
-    floor with the largest mean; `ratio` is the mean drift divided by that of the baseline. The last
-    two values are the mean peak force, N, and the mean stroke, m, of the devices in the story where
-    each is largest; nan without devices. The stroke is the drift of the story."""
+    """Row of the table: a building at a level. Means are over its completed motions, in the story
+    or floor with the largest mean; `ratio` is the ratio of the mean drifts to the baseline
+    (`tdint.studies.campaign.variants`). The last two values are the mean peak force, N, and the
+    mean stroke, m, of the devices in the story where each is largest; nan without devices. The
+    stroke is the drift of the story."""
 
     profile: Profile
     mean_drift: float = math.nan
@@ -532,8 +517,9 @@ class _Variant(NamedTuple):
     @property
     def collapses(self) -> str:
         """Number of motions with collapse, and without a result, as text."""
-        count = f"{self.profile.collapsed} of {self.profile.runs}"
-        return f"{count}, {self.profile.failed} failed" if self.profile.failed else count
+        counts = self.profile.counts
+        count = f"{counts.collapsed} of {counts.motions}"
+        return f"{count}, {counts.failed} failed" if counts.failed else count
 
 
 def comparison_parts(
@@ -549,59 +535,64 @@ def comparison_parts(
     """
     if len({profile.building for profile in profiles}) < 2:
         return [], []
-    by_length = all(np.isnan(profile.height).all() for profile in profiles if profile.motions)
+    shown = (profile for profile in profiles if profile.counts.completed)
+    by_length = all(np.isnan(profile.height).all() for profile in shown)
     sentences, rows, notes = [], [], []
-    levels = comparisons(profiles)
-    for comparison in levels:
-        variants = _variants(plan, store, comparison, baseline, by_length=by_length)
+    levels = at_levels(profiles)
+    for level in levels:
+        variants = _variants(plan, store, level, baseline, by_length=by_length)
         rows += variants
-        sentences.append(_best_text(variants, comparison, units, by_length=by_length))
-        if comparison.note:
-            notes.append(f"{comparison.note[0].upper()}{comparison.note[1:]}.")
+        sentences.append(_best_text(variants, baseline, units, by_length=by_length))
     if len(rows) > _MAX_VARIANT_ROWS:
         notes.append(f"The first {_MAX_VARIANT_ROWS} of {len(rows)} rows; profiles.csv lists all.")
     columns = variant_columns(has_levels=len(levels) > 1, by_length=by_length)
     table = Table.of_results(columns, rows[:_MAX_VARIANT_ROWS])
+    reference = "baseline" if baseline else "first building"
     explanation = (
-        "Means are over the motions that all buildings survive, in the story or floor with the "
-        "largest mean; devices are dampers, isolators and elements that the "
-        f"{'baseline' if baseline else 'first building'} does not have, their stroke is the drift "
-        "of the story."
+        "Means are over the motions that each building completes (`motions`), in the story or "
+        "floor with the largest mean. `times baseline` compares the mean drifts over the motions "
+        f"that the building and the {reference} both complete, if nothing collapses or these are "
+        f"at least {MIN_COMMON}. Devices are dampers, isolators and elements that the {reference} "
+        "does not have; their stroke is the drift of the story."
     )
     return sentences[:_MAX_SENTENCES], [table.in_units(units), " ".join([*notes, explanation])]
 
 
 def _variants(
-    plan: Plan, store: Store, comparison: Comparison, baseline: str | None, *, by_length: bool
+    plan: Plan,
+    store: Store,
+    level: Sequence[Profile],
+    baseline: str | None,
+    *,
+    by_length: bool,
 ) -> list[_Variant]:
-    """Return the rows of the buildings at a level; their numbers are nan without common motions."""
-    names = [profile.building for profile in comparison.profiles]
-    reference = names.index(baseline) if baseline in names else 0
-    if not comparison.common:
-        return [_Variant(profile) for profile in comparison.profiles]
+    """Return the rows of the buildings at a level; numbers of a building that completes no motion
+    are nan."""
     drift = "peak_drift" if by_length else "peak_drift_ratio"
-    base = comparison.common[reference]
-    base_drift = _largest_mean(_drifts(base, drift))
+    base = next((profile for profile in level if profile.building == baseline), level[0])
     rows = []
-    for profile, common in zip(comparison.profiles, comparison.common, strict=True):
-        drifts = _drifts(common, drift)
-        residual = _drifts(common, "residual_drift")
+    for profile in level:
+        completed = profile.completed
+        if not completed.counts.completed:
+            rows.append(_Variant(profile))
+            continue
+        drifts = _drifts(completed, drift)
+        residual = _drifts(completed, "residual_drift")
         if not by_length:
-            residual = residual / common.height
+            residual = residual / completed.height
         # The total shear includes the forces of dampers; it is missing in runs without dampers.
-        shear = common.peaks["peak_total_shear"][:, 0]
-        shear = np.where(np.isnan(shear), common.peaks["peak_shear"][:, 0], shear)
-        mean = _largest_mean(drifts)
+        shear = completed.peaks["peak_total_shear"][:, 0]
+        shear = np.where(np.isnan(shear), completed.peaks["peak_shear"][:, 0], shear)
         rows.append(
             _Variant(
                 profile,
-                mean,
+                _largest_mean(drifts),
                 float(np.nanmax(drifts, initial=-math.inf)),
-                mean / base_drift if base_drift > 0.0 else math.nan,
-                _largest_mean(common.peaks["peak_absolute_acceleration"]),
+                float(ratios_of(profile, base, drift).mean[0]),
+                _largest_mean(completed.peaks["peak_absolute_acceleration"]),
                 _largest_mean(residual),
                 float(np.mean(shear)),
-                *_device(plan, store, common, base),
+                *_device(plan, store, completed, base),
             )
         )
     return rows
@@ -656,36 +647,45 @@ def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> tuple[
 
 
 def _best_text(
-    variants: Sequence[_Variant], comparison: Comparison, units: OutputUnits, *, by_length: bool
+    variants: Sequence[_Variant], baseline: str | None, units: OutputUnits, *, by_length: bool
 ) -> str:
-    """Return the sentence on the building with the fewest collapses and, among several, with the
-    smallest mean drift."""
+    """Return the sentence on the best building: the smallest ratio to the baseline of the buildings
+    that collapse under no more motions than the baseline."""
+    names = [variant.profile.building for variant in variants]
+    base = variants[names.index(baseline) if baseline in names else 0]
+    allowed = base.profile.counts.collapsed
+    candidates = [variant for variant in variants if variant.profile.counts.collapsed <= allowed]
 
-    def rank(variant: _Variant) -> tuple[int, float]:
-        """Return the sort key of a building: its collapses and failures, then its mean drift."""
-        profile, drift = variant.profile, variant.mean_drift
-        return profile.lost, math.inf if math.isnan(drift) else drift
+    def rank(variant: _Variant) -> tuple[float, int, float]:
+        """Return the sort key of a building: its ratio, its lost motions, then its mean drift."""
+        ratio = math.inf if math.isnan(variant.ratio) else variant.ratio
+        drift = math.inf if math.isnan(variant.mean_drift) else variant.mean_drift
+        return ratio, variant.profile.counts.lost, drift
 
-    best, *others = sorted(variants, key=rank)
+    best = min(candidates, key=rank)
     profile = best.profile
     level = f" at {profile.level_text}" if profile.level_text else ""
     text = f"Best{level}: {profile.building}"
-    if any(variant.profile.lost for variant in variants):
+    if any(variant.profile.counts.lost for variant in variants):
+        others = [variant for variant in variants if variant is not best][:_MAX_VARIANT_ROWS]
         listed = ", ".join(
-            f"{other.profile.building} {other.profile.lost}" for other in others[:_MAX_VARIANT_ROWS]
+            f"{other.profile.building} {other.profile.counts.lost}" for other in others
         )
         text += (
-            f", with collapse or failure under {profile.lost} of {profile.runs} motions ({listed})"
+            f", with collapse or failure under {profile.counts.lost} of {profile.counts.motions} "
+            f"motions ({listed})"
         )
-    if not comparison.common:
-        return f"{text}; means are not compared, because {comparison.motions} motions are common."
+    if math.isnan(best.mean_drift):
+        return f"{text}; no motion is completed."
     drift = (
         units.text(best.mean_drift, "m")
         if by_length
         else f"{number_text(100.0 * best.mean_drift, 3)} %"
     )
-    text += f"; mean drift {drift} under {comparison.motions} common motions"
-    if not math.isnan(best.ratio) and best.ratio != 1.0:
+    text += f"; mean drift {drift} under {pluralize(profile.counts.completed, 'motion')}"
+    if math.isnan(best.ratio):
+        text += ", not compared: too few motions are common with the baseline"
+    elif best is not base:
         text += f", {number_text(best.ratio, 2)} times the baseline"
     if not math.isnan(best.device_force):
         text += f"; device force {units.text(best.device_force, 'N')}"

@@ -1,10 +1,11 @@
-"""Comparison of buildings, such as variants of a retrofit, under the same suite of ground motions.
+"""Comparison of buildings, such as variants of a retrofit, with a baseline under the same suite of
+ground motions.
 
 A mean over the motions that a building survives cannot be compared with a mean over other motions:
-a weak building that survives only the mild motions would appear better than a strong building. All
-comparisons therefore use the motions that every compared building completes without collapse
-(common motions). The number of collapses is stated separately, because it is a result that no mean
-contains.
+a weak building that survives only the mild motions would appear better than a strong building. A
+ratio to the baseline therefore uses the motions that the building and the baseline both complete;
+other buildings do not change it. The numbers of collapses are stated separately, because they are a
+result that no mean contains.
 """
 
 from __future__ import annotations
@@ -17,77 +18,10 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError, did_you_mean
-from tdint.number_parsing import abbreviate, pluralize
+from tdint.number_parsing import abbreviate
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.studies.campaign.story_profiles import Profile
-from tdint.units import Quantity
-
-MIN_COMMON = 3
-"""Minimum number of common motions for a comparison if motions are lost by collapse: the mean of
-two motions of eleven says nothing about the suite."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Results of all buildings at a level of intensity, under their common motions.
-
-    Attributes
-    ----------
-    profiles : list of Profile
-        Results of each building under all motions.
-    common : list of Profile
-        Results of each building under the common motions only; empty if these are too few.
-    motions : int
-        Number of common motions.
-    """
-
-    profiles: list[Profile]
-    common: list[Profile]
-    motions: int
-
-    @classmethod
-    def of(cls, profiles: Sequence[Profile]) -> Comparison:
-        """Return the comparison of profiles at the same level."""
-        keys = set.intersection(*(set(profile.keys) for profile in profiles))
-        is_complete = all(len(keys) == profile.runs for profile in profiles)
-        enough = len(keys) >= MIN_COMMON or (is_complete and bool(keys))
-        common = [profile.restricted_to(keys) for profile in profiles] if enough else []
-        return cls(list(profiles), common, len(keys))
-
-    @property
-    def note(self) -> str:
-        """Sentence on the motions of the comparison; empty if all motions are common."""
-        lost = abbreviate(
-            [
-                f"{profile.building} {profile.lost_text}"
-                for profile in self.profiles
-                if profile.lost
-            ],
-            _MAX_LOST,
-        )
-        if not lost:
-            return ""
-        level = self.profiles[0].level_text
-        total = pluralize(max(profile.runs for profile in self.profiles), "motion")
-        head = f"{level}: " if level else ""
-        if self.common:
-            return (
-                f"{head}comparisons of buildings use the {self.motions} of {total} that all "
-                f"buildings survive ({lost})"
-            )
-        return (
-            f"{head}no comparison of means, because only {self.motions} of {total} are survived by "
-            f"all buildings ({lost}); compare the numbers of collapses"
-        )
-
-
-_MAX_LOST = 8  # maximum number of buildings with collapses in a sentence
-
-
-def comparisons(profiles: Iterable[Profile]) -> list[Comparison]:
-    """Return the comparison of all buildings at each level of intensity, in the order of the
-    profiles."""
-    return [Comparison.of(level) for level in at_levels(profiles)]
+from tdint.studies.motions.outcomes import ratios_to
 
 
 def at_levels(profiles: Iterable[Profile]) -> list[list[Profile]]:
@@ -110,23 +44,31 @@ class Ratios:
         Scale factor of all motions; NaN if motions have different factors.
     level : float
         Value of the intensity measure or number of the level; NaN if the level is a factor.
+    quantity : str
+        Name of the quantity.
     mean, median, max : ndarray, shape (1 + stories,)
-        Ratio of the maximum over the stories that both buildings have, then ratio of each story of
-        the baseline from the ground up (`story_pairs`); NaN if a building does not have the story,
-        or the baseline has no value, or zero.
+        Ratio of the maxima over all stories of each building, without isolators for drifts; then
+        ratio of each story of the baseline from the ground up (`story_pairs`). NaN if a building
+        does not have the story, or the baseline has no value, or zero.
     motions : int
-        Number of motions, which are the same for both buildings.
+        Number of motions of means and maxima, which both buildings complete.
+    collapsed, failed, baseline_collapsed, baseline_failed : int
+        Numbers of motions with collapse, and without a result, of both buildings.
     """
 
     building: str
     baseline: str
     scale: float
     level: float
-    quantity: Quantity
+    quantity: str
     mean: Array
     median: Array
     max: Array
     motions: int
+    collapsed: int
+    failed: int
+    baseline_collapsed: int
+    baseline_failed: int
 
 
 def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
@@ -144,14 +86,14 @@ def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
 
 def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     """Divide the statistics of each building by the statistics of a baseline building, at each
-    level of intensity, over the motions that all buildings survive.
+    level of intensity, over the motions that the building and the baseline complete.
 
     Returns
     -------
     list of Ratios
-        One item for each other building, level and quantity of `STORY_QUANTITIES`. Levels without a
-        profile of the baseline are omitted. All ratios of a level with too few common motions are
-        NaN.
+        One item for each other building, level and quantity of `STORY_QUANTITIES`, and for the base
+        shear, the restoring force of the first story. Levels without a profile of the baseline are
+        omitted. The ratios of a level with too few common motions are NaN, except the medians.
 
     Raises
     ------
@@ -160,51 +102,56 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     """
     check_baseline(baseline, (profile.building for profile in profiles))
     result = []
-    for comparison in comparisons(profiles):
-        # Without common motions, the profiles of all motions only name the buildings.
-        shown = {p.building: p for p in comparison.common or comparison.profiles}
-        base = shown.pop(baseline, None)
+    for level in at_levels(profiles):
+        base = next((profile for profile in level if profile.building == baseline), None)
         if base is None:
             continue
-        for compared in shown.values():
-            level = compared.building, baseline, compared.scale, compared.level
-            for quantity in STORY_QUANTITIES:
-                mean, median, largest = (
-                    _story_ratios(compared, base, quantity)
-                    if comparison.common
-                    else [np.full(1 + base.height.size, math.nan)] * 3
-                )
-                ratio = Ratios(*level, quantity, mean, median, largest, comparison.motions)
-                result.append(ratio)
+        for compared in level:
+            if compared is not base:
+                names = (*(quantity.name for quantity in STORY_QUANTITIES), BASE_SHEAR)
+                result += [ratios_of(compared, base, name) for name in names]
     return result
 
 
-def _story_ratios(compared: Profile, base: Profile, quantity: Quantity) -> list[Array]:
-    """Divide the mean, median and maximum of a building by those of the baseline: the ratio of the
-    maxima over the common stories, then the ratio of each story of the baseline. NaN if the value
-    of the baseline is zero or missing.
-    """
-    stories = story_pairs(compared, base)
-    compared_statistics, base_statistics = compared.statistics(quantity), base.statistics(quantity)
-    result = []
-    for name in ("mean", "median", "max"):
-        denominators = getattr(base_statistics, name)
-        numerators = np.full(denominators.size, math.nan)
-        for story, base_story in stories:
-            numerators[base_story] = getattr(compared_statistics, name)[story]
-        # The maxima may occur in different stories of the two buildings. Without any finite value,
-        # the maximum is -inf (`initial`), so that the ratio is unknown.
-        is_common = np.isin(np.arange(denominators.size), [pair[1] for pair in stories])
-        highest = [
-            np.max(values[np.isfinite(values) & is_common], initial=-math.inf)
-            for values in (numerators, denominators)
-        ]
-        numerator = np.concatenate([highest[:1], numerators])
-        denominator = np.concatenate([highest[1:], denominators])
-        is_known = (denominator > 0.0) & np.isfinite(numerator)
-        ratio = np.full(numerator.size, math.nan)
-        result.append(np.divide(numerator, denominator, out=ratio, where=is_known))
-    return result
+BASE_SHEAR = "base_shear"
+"""Quantity of ratios: the restoring force of the first story of each building."""
+
+_CALLED = {quantity.name: quantity.called or quantity.name for quantity in STORY_QUANTITIES}
+
+
+def ratios_of(compared: Profile, base: Profile, quantity: str) -> Ratios:
+    """Return the ratios of a quantity of `STORY_QUANTITIES`, or of the base shear, of a building to
+    a baseline at the same level."""
+    is_base_shear = quantity == BASE_SHEAR
+    # Demands of the same motions in both buildings; a motion of only one building has no result.
+    keys = list(dict.fromkeys([*base.keys, *compared.keys]))
+    values = []
+    for profile in (base, compared):
+        peaks = profile.peaks["peak_shear" if is_base_shear else quantity]
+        of_motions = np.full((len(keys), peaks.shape[1]), math.nan)
+        of_motions[[keys.index(key) for key in profile.keys]] = peaks
+        values.append(of_motions[:, :1] if is_base_shear else of_motions)
+    is_drift = "drift" in quantity  # the drift of an isolator is its displacement
+    apart = [[i - 1 for i in item.isolators] if is_drift else [] for item in (base, compared)]
+    stories = [] if is_base_shear else story_pairs(compared, base)
+    mean, median, largest, motions = ratios_to(values[0], values[1], stories, (apart[0], apart[1]))
+    if is_base_shear:  # one row, without a story
+        mean, median, largest = mean[:1], median[:1], largest[:1]
+    return Ratios(
+        compared.building,
+        base.building,
+        compared.scale,
+        compared.level,
+        _CALLED.get(quantity, quantity),
+        mean,
+        median,
+        largest,
+        motions,
+        compared.counts.collapsed,
+        compared.counts.failed,
+        base.counts.collapsed,
+        base.counts.failed,
+    )
 
 
 def story_pairs(compared: Profile, base: Profile) -> list[tuple[int, int]]:

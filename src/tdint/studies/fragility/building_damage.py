@@ -15,7 +15,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +22,20 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, cached_property
 from tdint.csv_table import number as cell_number
 from tdint.model.damage_states import COST, DEMANDS, NUMBER, DamageStates
-from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.damage import RunDamage, probabilities
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.chunks import Run
-from tdint.studies.campaign.story_profiles import level_ranks
-from tdint.studies.motions.pairs import SEPARATE, PairRule
+from tdint.studies.motions.outcomes import (
+    Indices,
+    Mean,
+    demands_of_motions,
+    first_runs,
+    indices_of,
+    mean_of_sums,
+    outcomes_of,
+    worst_runs,
+)
+from tdint.studies.motions.pairs import PairRule
 from tdint.studies.store.result_store import Store
 
 _COLUMNS = {quantity.name: quantity.column for quantity in RUN}
@@ -54,10 +61,17 @@ class BuildingDamage(RunDamage):
     ----------
     keys : list of Run
         Record, factor and sample of each run.
-    rank : ndarray of int, shape (runs,)
-        Index of the level in the sequence of the levels of the ground motion, from 0.
+    names : list of str
+        Name of the ground motion of each run at its level.
+    level : ndarray, shape (runs,)
+        Level of each run (`tdint.studies.campaign.chunks.Place`); 1 without levels.
     sa, pga : ndarray, shape (runs,)
         Pseudo-acceleration at the first period and peak ground acceleration, m/s^2.
+    equal, cost : float
+        Number of equal buildings that the row of the inventory represents, and their cost; nan
+        without a cost.
+    cells : mapping of str to str
+        Cells of the inventory by the lower-case name of the column.
     """
 
     number: int
@@ -65,9 +79,20 @@ class BuildingDamage(RunDamage):
     type: str
     period: float
     keys: list[Run]
-    rank: NDArray[np.intp]
+    names: list[str]
+    level: Array
     sa: Array
     pga: Array
+    equal: float = 1.0
+    cost: float = math.nan
+    cells: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def rank(self) -> NDArray[np.intp]:
+        """Index of the level of each run in the levels of the building, in ascending order of their
+        magnitude, shape (runs,)."""
+        levels = sorted(set(self.level.tolist()), key=abs)
+        return np.array([levels.index(level) for level in self.level.tolist()], np.intp)
 
 
 def building_damages(
@@ -89,9 +114,10 @@ def building_damages(
     column = _COLUMNS[DEMANDS[(common_states or next(iter(types.values()))).demand].quantity]
     names = store.buildings() if common_states else {}
     query = (
-        f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM "
-        "run_rows"
+        f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2, motion, "
+        "level FROM run_rows"
     )
+    columns = [title.lower() for title in store.inventory_columns()]
     all_rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
     # The rows are sorted by building, so that the rows of one building at a time are read.
     for number, rows_of_building in groupby(all_rows, key=itemgetter(0)):
@@ -104,16 +130,15 @@ def building_damages(
         else:
             building, type_name, divisor, period = store.building_type(number)
         states = common_states or types[type_name]
-        # Columns of a row: 1 to 3 record, scale and sample; 4 status; 5 quantity; 6 Sa(T1); 7 PGA.
+        # Columns of a row: 1 to 3 record, scale and sample; 4 status; 5 quantity; 6 Sa(T1); 7 PGA;
+        # 8 and 9 place of the run.
         runs = [Run(*row[1:4]) for row in rows]
         status = [row[4] for row in rows]
         values, sa, pga = (np.array([row[index] for row in rows], float) for index in (5, 6, 7))
         demand = np.abs(values) / divisor
-        # Each ground motion can have different scale factors. The level of a run is therefore the
-        # rank of its factor in the factors of its ground motion.
-        ranks = level_ranks(runs)
-        run_ranks = np.array([ranks[run] for run in runs])
         probability = probabilities(states, demand, status)
+        cells = dict(zip(columns, store.copied_cells(number), strict=False)) if columns else {}
+        equal = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
         yield BuildingDamage(
             number=number,
             building=building,
@@ -121,78 +146,50 @@ def building_damages(
             period=period,
             states=states,
             keys=runs,
-            rank=run_ranks,
+            names=[row[8] for row in rows],
+            level=np.array([1.0 if row[9] is None else row[9] for row in rows]),
             status=status,
             demand=demand,
             probability=probability,
             sa=sa,
             pga=pga,
+            equal=equal,
+            cost=equal * cell_number(cells.get(COST, "")),
+            cells=cells,
         )
 
 
-def runs_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
-    """Group the runs of a building by ground motion, sample and level, and return the indices of
-    the runs of each group.
-
-    A group has the run of each component of a pair, even if their scale factors differ. If the
-    rule counts components separately, each group has a single run.
-    """
-    indices: dict[tuple[int, int, int], list[int]] = {}
-    for index, (key, rank) in enumerate(zip(damage.keys, damage.rank.tolist(), strict=True)):
-        indices.setdefault((rule.motion(key.motion), key.sample, rank), []).append(index)
-    return list(indices.values())
+def motion_of_runs(damage: BuildingDamage, rule: PairRule) -> Indices:
+    """Return the index of the motion of each run of a building; each level and sample has other
+    motions."""
+    runs = zip(damage.keys, damage.names, damage.level.tolist(), strict=True)
+    return indices_of((rule.motion_key(run, name), level) for run, name, level in runs)
 
 
 def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
-    """Combine the damage after the runs of both components of each pair, and return the damage of a
-    building with a single entry per ground motion and level instead of per run.
+    """Return the damage of a building with a single entry per ground motion and level instead of
+    per run.
 
-    The rule determines the demand of a pair, and the demand determines its damage. The building has
-    collapsed under a pair if it has collapsed under at least one component. A pair has no result if
-    one component has no result. Key, rank, Sa(T1) and PGA are the values of the first component. If
-    the rule counts components separately, the damage is returned unchanged.
+    The rule determines the demand of a pair, and the demand determines its damage. Key, name,
+    level, Sa(T1) and PGA are the values of the first component.
     """
-    if rule.demand == SEPARATE or not rule.pairs:
+    motion = motion_of_runs(damage, rule)
+    firsts = first_runs(motion)
+    if firsts.size == motion.size:
         return damage
-    runs_of_motion = runs_of_motions(damage, rule)
-    firsts = [indices[0] for indices in runs_of_motion]
-    demand = np.array([rule.combine(damage.demand[indices]) for indices in runs_of_motion])
-
-    # If one component has no result and the other collapses, the pair has no result.
-    status = []
-    for indices in runs_of_motion:
-        statuses = [damage.status[index] for index in indices]
-        failed = [item for item in statuses if item not in (DONE, *FALLEN)]
-        collapsed = [item for item in statuses if item in FALLEN]
-        status.append(next(iter([*failed, *collapsed]), DONE))
+    demand = demands_of_motions(motion, damage.demand, rule.demand)
+    status = [damage.status[run] for run in worst_runs(motion, outcomes_of(damage.status))]
     return replace(
         damage,
         keys=[damage.keys[index] for index in firsts],
-        rank=damage.rank[firsts],
+        names=[damage.names[index] for index in firsts],
+        level=damage.level[firsts],
         status=status,
         demand=demand,
         probability=probabilities(damage.states, demand, status),
         sa=damage.sa[firsts],
         pga=damage.pga[firsts],
     )
-
-
-def level_values(store: Store) -> list[float]:
-    """Return the levels of a campaign in ascending order.
-
-    The levels are values of an intensity measure (SI units) or scale factors. The list is empty if
-    each ground motion has individual factors; then the levels are numbered from 1.
-    """
-    settings = store.parameters()
-    return sorted(settings.get("levels") or settings.get("scales") or (), key=abs)
-
-
-class Mean(NamedTuple):
-    """Mean over runs, and its standard error, which is a jackknife estimate over ground motions;
-    nan if not available."""
-
-    value: Array
-    error: Array
 
 
 @dataclass(eq=False)
@@ -211,8 +208,10 @@ class TypeDamage:
         Value of the intensity measure (SI units), scale factor, or number of the level.
     inventory_entry : str
         Entry of the inventory column that defines the groups; empty for other groups.
-    buildings, runs, failed : int
-        Number of buildings, of runs, and of runs without a result, which do not contribute to the
+    rows, buildings : int, float
+        Number of rows of the inventory, and of the buildings that they represent.
+    runs, failed : int
+        Number of runs, and of runs without a result, which do not contribute to the
         probabilities and losses. Runs under a pair that counts as a single ground motion are one
         run.
     """
@@ -223,11 +222,13 @@ class TypeDamage:
     event: str = ""
     level: float = math.nan
     inventory_entry: str = ""
-    buildings: int = 0
+    rows: int = 0
+    buildings: float = 0.0
     runs: int = 0
     failed: int = 0
-    # For each ground motion: number of runs, and sums of the probability of each outcome, of the
-    # loss ratio and of its square.
+    # For each ground motion: weight of its runs, and weighted sums of the probability of each
+    # outcome, of the loss ratio and of its square. The weights of a row are the number of its
+    # buildings together.
     _sums: dict[int, Array] = field(default_factory=dict)
     # For each ground motion: cost of the buildings, and their mean loss.
     _money: dict[int, Array] = field(default_factory=dict)
@@ -240,50 +241,56 @@ class TypeDamage:
         damage: BuildingDamage,
         is_at_level: NDArray[np.bool_],
         motions: NDArray[np.intp],
-        cost: float = math.nan,
-        identical_count: float = 1.0,
     ) -> None:
         """Add the runs of a building at a single level.
 
         `damage` is the damage of the building after each run.
         """
         is_counted = is_at_level & damage.known
-        self.buildings += 1
+        cost, equal = damage.cost, damage.equal
+        self.rows += 1
+        if not equal > 0.0:  # a row without buildings is listed, but not counted
+            return
+        self.buildings += equal
         self.runs += int(np.sum(is_at_level))
         self.failed += int(np.sum(is_at_level & ~is_counted))
         has_losses, has_cost = bool(damage.states.losses), not math.isnan(cost)
         loss_columns = (damage.loss, damage.squared_loss) if has_losses else ()
-        summands = np.column_stack([np.ones(len(damage.keys)), damage.probability, *loss_columns])
+        # The mean of the row over its runs with a result is weighted by the number of buildings.
+        weight = equal / max(int(np.sum(is_counted)), 1)
+        summands = weight * np.column_stack(
+            [np.ones(len(damage.keys)), damage.probability, *loss_columns]
+        )
         for motion in np.unique(motions[is_counted]).tolist():
             motion_sums = summands[is_counted & (motions == motion)].sum(axis=0)
             self._sums[motion] = self._sums.get(motion, 0.0) + motion_sums
             # The cost of the building is divided equally among its runs. `motion_sums[0]` is the
-            # number of runs under this ground motion, `motion_sums[-2]` the sum of their loss
-            # ratios.
+            # weight of the runs under this ground motion, `motion_sums[-2]` the weighted sum of
+            # their loss ratios.
             if has_losses and has_cost:
-                cost_and_loss = cost / float(np.sum(is_counted)) * motion_sums[[0, -2]]
+                cost_and_loss = cost / equal * motion_sums[[0, -2]]
                 self._money[motion] = self._money.get(motion, 0.0) + cost_and_loss
         # Add the variance and the standard deviation of the loss, which result from the scatter of
         # the runs and of the damage thresholds. Both are computed for the loss ratio of a building,
         # and multiplied by a weight: by the cost for the sum of losses (the first element of
-        # `_scatter`), and by the number of runs for the sum of loss ratios (the second element).
-        # Losses of identical buildings are independent.
-        if has_losses and is_counted.any() and identical_count > 0.0:
+        # `_scatter`), and by the number of buildings for the sum of loss ratios (the second
+        # element). Losses of equal buildings are independent.
+        if has_losses and is_counted.any():
             mean = float(damage.loss[is_counted].mean())
             deviation = math.sqrt(max(float(damage.squared_loss[is_counted].mean()) - mean**2, 0.0))
-            for sums, weight in zip(self._scatter, (cost, float(np.sum(is_counted))), strict=True):
+            for sums, weight in zip(self._scatter, (cost, equal), strict=True):
                 if not math.isnan(weight):
-                    sums += (weight * deviation) ** 2 / identical_count, weight * deviation
+                    sums += (weight * deviation) ** 2 / equal, weight * deviation
 
     @cached_property
     def _means(self) -> Mean:
         """Means of the probabilities of the outcomes; with losses, also of the loss ratio and its
         square. All are nan without any run with a result."""
-        if not self._sums:
+        if not self.buildings > 0.0 or not self._sums:
             count = len(self.states.outcomes) + 2 * bool(self.states.losses)
             return Mean(*np.full((2, count), math.nan))
         # The jackknife omits one ground motion (row) at a time.
-        return _mean(np.array(list(self._sums.values())))
+        return mean_of_sums(np.array(list(self._sums.values())))
 
     @property
     def probability(self) -> Mean:
@@ -293,9 +300,12 @@ class TypeDamage:
 
     @property
     def loss(self) -> Mean:
-        """Loss ratio; arrays of a single value, nan without losses."""
+        """Loss ratio: loss divided by value, without costs the mean of the buildings; arrays of a
+        single value, nan without losses."""
         if not self.states.losses:
             return Mean(*np.full((2, 1), math.nan))
+        if self.value > 0.0:
+            return mean_of_sums(np.array(list(self._money.values())))
         return Mean(*(values[-2:-1] for values in self._means))
 
     @property
@@ -318,46 +328,17 @@ class TypeDamage:
         costs."""
         if not self.value > 0.0:
             return Mean(*np.full((2, 1), math.nan))
-        # `_mean` returns the sum of the losses divided by the sum of the costs over the ground
-        # motions; multiplied by the total cost, it is the mean loss.
-        mean_fraction = _mean(np.array(list(self._money.values())))
-        return Mean(self.value * mean_fraction.value, self.value * mean_fraction.error)
+        return Mean(self.value * self.loss.value, self.value * self.loss.error)
 
     @property
     def scatter(self) -> tuple[float, float]:
         """Standard deviation of the total loss, for independent and for fully correlated losses of
         the buildings. Without costs, the standard deviation of the mean loss ratio."""
         # The total loss (row 0) is a sum over the buildings. For the mean loss ratio (row 1), the
-        # sum is divided by the number of runs, which was the weight of each building.
+        # sum is divided by their number.
         variance_sum, deviation_sum = self._scatter[0 if self._money else 1].tolist()
-        divisor = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
+        divisor = 1.0 if self._money else self.buildings or 1.0
         return math.sqrt(variance_sum) / divisor, deviation_sum / divisor
-
-
-def _mean(sums: Array) -> Mean:
-    """Return the mean of k quantities over all runs with a jackknife standard error over ground
-    motions (nan for a single motion).
-
-    Each row of `sums` contains the number of runs under a ground motion (or another weight, such as
-    their cost), and the sums of the quantities over these runs.
-    """
-    counts, motions = sums[:, :1], len(sums)
-    value = sums[:, 1:].sum(axis=0) / counts.sum()
-    if motions < 2:
-        return Mean(value, np.full(value.size, math.nan))
-    # Change of the mean if a ground motion is omitted. The jackknife variance is m - 1 times the
-    # variance of these m changes.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        change = (counts * value - sums[:, 1:]) / (counts.sum() - counts)
-        return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
-
-
-def value_and_count(cells: Mapping[str, str]) -> tuple[float, float]:
-    """Return the value of the identical buildings of a row of an inventory, which is nan without a
-    cost, and their number. `cells` are the cells of the row by the lower-case name of the column.
-    """
-    count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
-    return cell_number(cells.get(COST, "")) * count, count
 
 
 def group_damages(
@@ -376,37 +357,37 @@ def group_damages(
         group of all buildings. By default the groups are the types.
     """
     # Events are numbered from 1; the index 0 is the empty name of campaigns without events.
-    rule, levels, events = store.pair_rule(), level_values(store), ["", *store.events()]
-    groups: dict[tuple[str, int, int], TypeDamage] = {}
-    columns = [title.lower() for title in store.inventory_columns()]
+    rule, events = store.pair_rule(), ["", *store.events()]
+    groups: dict[tuple[str, int, float], TypeDamage] = {}
     for run_damage in building_damages(store):
         damage = damage_by_motion(run_damage, rule)
-        cells = {}
-        if COST in columns or by:
-            cells = dict(zip(columns, store.copied_cells(damage.number), strict=False))
-        # A row of an inventory can represent several identical buildings, each with this cost.
-        cost, identical_count = value_and_count(cells)
-        name = damage.type if by is None else cells.get(by.lower(), "")
+        name = damage.type if by is None else damage.cells.get(by.lower(), "")
         motions = np.array([rule.recordings[record] for record, _, _ in damage.keys])
         # With ground motion fields, the sample of a run is the number of its event.
         event_of_run = np.array([sample if len(events) > 1 else 0 for _, _, sample in damage.keys])
-        events_and_ranks = zip(event_of_run.tolist(), damage.rank.tolist(), strict=True)
-        for event, rank in sorted(set(events_and_ranks)):
-            is_at_level = (damage.rank == rank) & (event_of_run == event)
+        events_and_levels = set(zip(event_of_run.tolist(), damage.level.tolist(), strict=True))
+        for event, level in sorted(events_and_levels, key=_by_magnitude):
+            is_at_level = (damage.level == level) & (event_of_run == event)
             group = TypeDamage(
                 damage.states,
                 type=name if by is None else "",
                 building=damage.building if by_building else "",
                 event=events[event],
-                level=levels[rank] if levels else rank + 1.0,
+                level=level,
                 inventory_entry=name if by else "",
             )
             if not by_building:
-                group = groups.setdefault((name, event, rank), group)
-            group.add(damage, is_at_level, motions, cost, identical_count)
+                group = groups.setdefault((name, event, level), group)
+            group.add(damage, is_at_level, motions)
             # A group of a single building is complete after this building, so it is not kept in
             # memory. Groups of several buildings are complete after the last building.
             if by_building:
                 yield group
-    for key in sorted(groups):
+    for key in sorted(groups, key=lambda key: (key[0], _by_magnitude(key[1:]))):
         yield groups[key]
+
+
+def _by_magnitude(event_and_level: tuple[int, float]) -> tuple[int, float]:
+    """Return the sort key of an event and a level: a negative level reverses the motions."""
+    event, level = event_and_level
+    return event, abs(level)

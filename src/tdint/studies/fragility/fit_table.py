@@ -22,7 +22,6 @@ from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_file, is_folder
-from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
@@ -39,15 +38,26 @@ from tdint.studies.fragility.fragility_function import (
     levels_of,
 )
 from tdint.studies.fragility.measures import (
+    LEVEL,
     column_of,
     combine_pair_intensities,
     first_period_of_runs,
-    measure_named,
+    is_level,
+    measure_of_campaign,
+    motion_of_rows,
     motions_if_known,
     motions_of,
     over_motions,
-    rows_of_motions,
+    store_of_table,
     with_measures,
+)
+from tdint.studies.motions.outcomes import (
+    COLLAPSED,
+    FAILED,
+    demands_of_motions,
+    first_runs,
+    outcomes_of,
+    outcomes_of_motions,
 )
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION, suffix
@@ -64,6 +74,7 @@ MIN_RUNS_PER_LEVEL = 3
 number of ground motions."""
 
 
+NO_LEVELS = "fit cloud, because the runs have no common intensity levels (--fit selects another)"
 NO_COMMON_LEVELS = "the runs have no common intensity levels; use --fit cloud, or another --im"
 
 
@@ -443,7 +454,8 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     # Numbers of runs with a result at the levels that have such runs
     counts = np.unique(runs.level[runs.result], return_counts=True)[1]
     has_stripes = int(counts.min()) >= MIN_RUNS_PER_LEVEL
-    fit = request.fit or (STRIPES if has_stripes else CLOUD)
+    # Runs of a campaign with levels are stripes: a cloud must be requested.
+    fit = request.fit or (STRIPES if has_stripes or runs.has_levels else CLOUD)
     # If the intensities of all runs differ, each run would be a separate stripe.
     if fit == STRIPES and not has_stripes:
         raise UsageError(f"{table.source}: {NO_COMMON_LEVELS}")
@@ -454,13 +466,12 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     )
     if fit == CLOUD:
         # A collapse exceeds every threshold. Its demand is not used, because the drift where the
-        # run was stopped depends on the method. It is replaced by the largest threshold, or by the
-        # lower limit of the requested range if this is larger: `_cloud` omits smaller demands.
+        # run was stopped depends on the method.
         is_used = runs.result
-        collapse_demand = max(*request.thresholds, request.edp_range[0])
-        drift = np.where(runs.collapsed, collapse_demand, runs.drift)[is_used]
-        im, collapsed, motion = runs.im[is_used], runs.collapsed[is_used], runs.motion[is_used]
-        result = _cloud(table, request, im, drift, collapsed, runs.names, motion)
+        drift = np.where(runs.collapsed, math.inf, runs.drift)[is_used]
+        im, motion = runs.im[is_used], runs.motion[is_used]
+        censored = np.zeros(im.size, bool)
+        result = _cloud(table, request, im, drift, censored, runs.names, motion)
     else:
         result = FragilityResult.of(
             _fit_at_threshold(drift, runs.names, partial(_fit_with_bounds, runs, drift))
@@ -478,7 +489,10 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         result,
         functions=tuple(functions),
         warnings=(omission_text,) if failed_count else (),
-        notes=(runs.pairs.note(),) if runs.pairs.pairs and not request.pair_demand else (),
+        notes=(
+            *((runs.pairs.note(),) if runs.pairs.pairs and not request.pair_demand else ()),
+            *((NO_LEVELS,) if fit == CLOUD and not request.fit else ()),
+        ),
     )
 
 
@@ -494,13 +508,15 @@ class _Runs:
     im, level : ndarray
         Intensity, and index of its intensity level, from 0.
     drift, motion : ndarray
-        Maximum drift ratio, and index of the ground motion.
+        Maximum drift ratio, and index of the recording.
     collapsed, result : ndarray of bool
         True if the building collapsed; True if the run has a result.
     names : tuple of str
         Name and unit of the intensity measure.
     pairs : PairRule
         Rule for the components of pairs.
+    has_levels : bool
+        True if the intensities are the levels of a campaign.
     """
 
     def __init__(self, table: CsvTable, request: FragilityRequest) -> None:
@@ -512,32 +528,29 @@ class _Runs:
                 f"{error}, or fit functions of each building of a campaign's directory with "
                 "--by building"
             ) from None
-        status = np.array(table.texts("status"))
+        status = table.texts("status")
         drift = np.array(table.numbers("peak_drift_ratio", empty=True))
 
         column, name, unit = _intensity_column(table, request)
         im = np.array(table.numbers(column, empty=True))
-        motion, collapsed = motions_of(table), np.isin(status, FALLEN)
-        is_known = collapsed | (status == DONE)
+        motion = motions_of(table)
+        self.has_levels = column == LEVEL
 
         # Combine the runs under both components of a pair at a level into one run: the intensity is
         # the geometric mean, the rule for pairs combines the drifts, and either component can cause
-        # collapse.
-        rule, rows_of_run = rows_of_motions(table, request.pair_demand)
-        if len(rows_of_run) < len(table.rows):
-            im = np.array([float(np.prod(im[rows])) ** (1.0 / len(rows)) for rows in rows_of_run])
-            drift = np.array([rule.combine(drift[rows]) for rows in rows_of_run])
-            is_known = np.array([np.all(is_known[rows]) for rows in rows_of_run])
-            collapsed = np.array([np.any(collapsed[rows]) for rows in rows_of_run])
-            motion = motion[[rows[0] for rows in rows_of_run]]
-        elif column != "im":
-            # Components that count separately still have a common intensity, the geometric mean.
-            # The column `im` contains this mean already.
+        # collapse. The columns `im` and `level` contain the intensity of the pair already.
+        rule, motion_at_level = motion_of_rows(table, request.pair_demand)
+        if column not in ("im", LEVEL):
             im = combine_pair_intensities(table, im)
+        firsts = first_runs(motion_at_level)
+        outcome = outcomes_of_motions(motion_at_level, outcomes_of(status))
+        if firsts.size < len(table.rows):
+            drift = demands_of_motions(motion_at_level, drift, rule.demand)
+            im, motion = im[firsts], motion[firsts]
 
         # Omit runs without an intensity. Runs without a drift ratio have no result.
         has_intensity = im > 0.0
-        has_result = is_known & (drift > 0.0) & has_intensity
+        has_result = (outcome != FAILED) & (drift > 0.0) & has_intensity
         if not has_result.any():
             raise ModelError(
                 f"{table.source}: no run has both an intensity and a result; at least one "
@@ -547,7 +560,7 @@ class _Runs:
         self.im = im[has_intensity]
         self.level = levels_of(self.im)
         self.drift = drift[has_intensity]
-        self.collapsed = collapsed[has_intensity]
+        self.collapsed = (outcome == COLLAPSED)[has_intensity]
         self.result = has_result[has_intensity]
         self.motion = motion[has_intensity]
         self.names = (name, unit)
@@ -558,13 +571,18 @@ def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, 
     """Return the title of the column with the intensities of runs, the name of the intensity
     measure, for example `sa(0.5)`, and the unit.
 
-    Without a requested measure, it is the column `im` of the table if it exists, otherwise the
-    column of Sa(T1). UsageError is raised if the table has no column of the requested measure.
+    Without a requested measure, it is the column `im` of the table if it exists, then the level of
+    the campaign, otherwise Sa(T1). UsageError is raised if the table has no column of the requested
+    measure.
     """
     if request.measure is None and table.has("im"):
         return "im", table.only("im_name"), table.only("unit")
-    measure = measure_named(request.measure or "sa")
+    with store_of_table(table) as store:
+        measure = measure_of_campaign(store, request.measure)
+        has_level = store is not None and is_level(store, measure)
     name = measure.label(first_period_of_runs(table))
+    if has_level and table.has(LEVEL):
+        return LEVEL, name, measure.unit
     has_column = any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION)
     if request.measure is None and not has_column:
         # The column of Sa(T1) is missing. Return its usual title, so that the caller's attempt to
@@ -616,9 +634,9 @@ def _cloud(
     """Fit a function to a cloud for each requested threshold. If the cloud cannot be fitted, the
     result contains the reason and no function.
 
-    Censored demands are known only to be above their value. By default, the name and unit of the
-    intensity measure are the columns `im_name` and `unit`, and the rows belong to independent
-    ground motions (`motion`).
+    Censored demands are known only to be above their value; infinity is a collapse. By default, the
+    name and unit of the intensity measure are the columns `im_name` and `unit`, and the rows belong
+    to independent ground motions (`motion`).
     """
     _check_thresholds(table, request)
     low_edp, high_edp = request.edp_range
@@ -627,13 +645,15 @@ def _cloud(
     # the threshold. A censored demand below the threshold may or may not exceed it.
     is_known = [is_kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
     exceeding = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
-    censored = censored | (edp >= high_edp)
+    collapsed = np.isinf(edp)
+    censored = (censored | (edp >= high_edp)) & ~collapsed
     im_name, unit = names or (table.only("im_name"), table.only("unit"))
 
     def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
         """Fit a function for each threshold to the rows that a mask selects."""
-        demands = np.minimum(edp, high_edp)[is_used]
-        return [*fit_cloud(im[is_used], demands, request.thresholds, censored[is_used])]
+        demands = np.where(collapsed, 0.0, np.minimum(edp, high_edp))[is_used]
+        fell, above = collapsed[is_used], censored[is_used]
+        return [*fit_cloud(im[is_used], demands, request.thresholds, above, collapsed=fell)]
 
     try:
         functions = [

@@ -29,7 +29,7 @@ from tdint.studies.fragility.building_damage import (
     BuildingDamage,
     building_damages,
     damage_by_motion,
-    runs_of_motions,
+    motion_of_runs,
 )
 from tdint.studies.fragility.fit_table import (
     MIN_RUNS_PER_LEVEL,
@@ -42,9 +42,10 @@ from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Frag
 from tdint.studies.fragility.measures import (
     RunIntensities,
     RunMeasure,
-    measure_named,
+    measure_of_campaign,
     over_motions,
 )
+from tdint.studies.motions.outcomes import first_runs
 from tdint.studies.motions.pairs import PairRule
 from tdint.studies.store.opening import check_chunks, open_existing
 
@@ -68,6 +69,8 @@ class TypeRuns:
         True if the building collapsed.
     motion : ndarray of int
         Ground motion, or event of ground motion fields.
+    weight : ndarray
+        Number of equal buildings.
     failed : int
         Number of runs without a result.
     name, unit : str
@@ -79,6 +82,7 @@ class TypeRuns:
     demand: Array
     fallen: NDArray[np.bool_]
     motion: NDArray[np.intp]
+    weight: Array
     failed: int
     name: str
     unit: str
@@ -114,7 +118,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             f"--fit ida cannot be used with functions by {by}, which are fitted to runs; use --fit "
             "stripes or --fit cloud"
         )
-    measure = measure_named(request.measure or "sa")
     requested_states = _requested_states(request)
     with open_existing(folder) as store:
         check_chunks(store)
@@ -122,7 +125,8 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             remedy = "add `damage` to its file and run it again"
             more = ", or specify --threshold" if by == BUILDING else ""
             raise UsageError(f"{folder}: this campaign has no damage states; {remedy}{more}")
-        intensities = RunIntensities(store, folder, measure, request.pair_demand)
+        measure = measure_of_campaign(store, request.measure)
+        intensities = RunIntensities(store, folder, measure)
         rule = store.pair_rule()
         if request.pair_demand:
             rule = replace(rule, demand=request.pair_demand)
@@ -196,6 +200,7 @@ class _RunCollector:
     demand: array[float] = field(default_factory=lambda: array("d"))
     fallen: array[int] = field(default_factory=lambda: array("b"))
     motion: array[int] = field(default_factory=lambda: array("q"))
+    weight: array[float] = field(default_factory=lambda: array("d"))
 
     def add(
         self,
@@ -213,8 +218,8 @@ class _RunCollector:
         # If the components of pairs were combined, `damage` has one entry per group of runs instead
         # of per run. Both runs of a group have the same intensity; use the first.
         if damage is not building:
-            im = im[[indices[0] for indices in runs_of_motions(building, rule)]]
-        is_used = damage.known & (im > 0.0)
+            im = im[first_runs(motion_of_runs(building, rule))]
+        is_used = damage.known & (im > 0.0) & (damage.equal > 0.0)
         fallen = np.isin(damage.status, FALLEN)
         motions = [
             motion_of_record[record] if motion_of_record else sample
@@ -228,6 +233,7 @@ class _RunCollector:
             (self.demand, demand),
             (self.fallen, fallen.astype(np.int8)),
             (self.motion, np.array(motions, np.int64)),
+            (self.weight, np.full(im.size, damage.equal)),
         )
         for column, values in columns:
             column.frombytes(values[is_used].tobytes())
@@ -249,6 +255,7 @@ class _RunCollector:
             demand=np.frombuffer(self.demand, np.float64),
             fallen=np.frombuffer(self.fallen, np.int8).astype(bool),
             motion=np.frombuffer(self.motion, np.int64),
+            weight=np.frombuffer(self.weight, np.float64),
             failed=self.failed,
             name=measure.label(shortest if is_same_period else None),
             unit=unit,
@@ -295,7 +302,7 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
         # The number of exceedances at a level is the sum of the probabilities of its runs.
         for probabilities in probability_columns:
             try:
-                fits.append(fit_levels(runs.im, level, probabilities, is_used))
+                fits.append(fit_levels(runs.im, level, probabilities, is_used, runs.weight))
             except AnalysisError as error:
                 fits.append(error)
         return fits
@@ -307,7 +314,9 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     ):
         if isinstance(state_fit, Fragility):
             named = replace(state_fit.named(median, runs.name, runs.unit), failed=runs.failed)
-            state_fit = named.beside_counts(runs.im, probabilities, motion=runs.motion)
+            state_fit = named.beside_counts(
+                runs.im, probabilities, runs=runs.weight, motion=runs.motion
+            )
         result.append(state_fit)
     return result
 
@@ -322,11 +331,11 @@ def _type_cloud(
     The dispersion of the thresholds of the states is represented by three equally likely values:
     each run is used three times, with different thresholds. A collapse exceeds all three values.
 
-    Some demands are used only as limits (censored). The demand of a collapse, and demands at or
-    above the upper limit of the range, are lower limits. For the states of a campaign, demands
-    above the heaviest state are also lower limits, and demands below the lightest state are upper
-    limits. For requested thresholds these two rules do not apply: a function then depends on the
-    other thresholds only by collapses, with a demand that is at least the largest threshold.
+    Collapses have a probability of their own (`fit_cloud`). Some demands are used only as limits
+    (censored): demands at or above the upper limit of the range are lower limits. For the states of
+    a campaign, demands above the heaviest state are also lower limits, and demands below the
+    lightest state are upper limits. For requested thresholds these two rules do not apply: a
+    function then does not depend on the other thresholds.
 
     The count `censored` of a function and the points of its figure refer to runs, and contain only
     collapses and demands at or above the range as censored.
@@ -334,22 +343,21 @@ def _type_cloud(
     # Omit demands of zero, which have no logarithm, and demands below the range, which are elastic.
     # A collapse exceeds every demand and is kept, also if the heaviest state is below the range.
     low, high = request.edp_range
-    all_demands = np.where(runs.fallen, np.maximum(runs.demand, low), runs.demand)
-    is_kept = is_used & (all_demands >= low) & (all_demands > 0.0)
+    is_kept = is_used & (runs.fallen | ((runs.demand >= low) & (runs.demand > 0.0)))
     im, fallen = runs.im[is_kept], runs.fallen[is_kept]
-    demand = np.minimum(all_demands, high)[is_kept]
+    demand = np.minimum(runs.demand, high)[is_kept]
     lightest, heaviest = 0.0, math.inf
     if not request.thresholds:
         lightest, heaviest = runs.states.medians[0], runs.states.medians[-1]
     # `is_above_range` is the mask of the censored runs; it does not depend on the thresholds.
-    is_above_range = fallen | (demand >= high)
+    is_above_range = ~fallen & (demand >= high)
     # Dividing a threshold by a factor is equivalent to multiplying the demand by this factor: each
     # demand is multiplied by three factors, and the thresholds remain constant. The shape of
     # `scattered` is (runs, 3). `is_above_states`, of the same shape, is the mask of the censored
     # values in the fit.
     threshold_factors = np.exp(runs.states.dispersion * _THREE_POINTS)
-    factors = np.where(fallen[:, np.newaxis], 1.0, threshold_factors)
-    scattered = factors * demand[:, np.newaxis]
+    scattered = threshold_factors * demand[:, np.newaxis]
+    is_fallen = np.repeat(fallen, _THREE_POINTS.size)
     is_above_states = is_above_range[:, np.newaxis] | (scattered >= heaviest)
     repeated_im = np.repeat(im, _THREE_POINTS.size)
     limited_demand = np.minimum(scattered, heaviest).ravel()
@@ -358,19 +366,21 @@ def _type_cloud(
             repeated_im,
             limited_demand,
             runs.states.medians,
-            is_above_states.ravel(),
+            is_above_states.ravel() & ~is_fallen,
+            collapsed=is_fallen,
             lower_threshold=lightest,
             values_per_demand=_THREE_POINTS.size,
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]
     # Counts and figures refer to the demands, not to the three values per demand.
-    is_below_states = ~is_above_range & (demand < lightest)
-    counts: dict[str, Any] = {"runs": im.size, "censored": int(np.sum(is_above_range))}
+    is_below_states = ~(is_above_range | fallen) & (demand < lightest)
+    counts: dict[str, Any] = {"runs": im.size, "censored": int(np.sum(is_above_range | fallen))}
     points: dict[str, Any] = {
         "im": im,
         "edp": demand,
-        "censored": is_above_range,
+        "censored": is_above_range | fallen,
+        "collapsed": int(np.sum(fallen)),
         "below": is_below_states,
     }
     return [

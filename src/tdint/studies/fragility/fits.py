@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,9 +32,12 @@ from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.number_parsing import LARGEST
 from tdint.response.arguments import between
+from tdint.studies.fragility.collapse_cloud import CollapseCloud, collapse_line
 from tdint.studies.fragility.fragility_function import (
     CLOUD,
     IDA,
+    INFORMATION,
+    NORMAL,
     NORMAL_95,
     STRIPES,
     CloudPoints,
@@ -224,13 +227,18 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
         STRIPES,
         *solution,
         runs=int(np.sum(record_counts)),
-        motions=int(np.max(record_counts)),
+        motions=int(np.sum(record_counts)),
+        error_method=INFORMATION,
         points=Points(im_levels, exceeding_counts / record_counts),
     )
 
 
 def fit_levels(
-    im: Array, level: NDArray[np.intp], exceeding: Array, is_used: NDArray[np.bool_]
+    im: Array,
+    level: NDArray[np.intp],
+    exceeding: Array,
+    is_used: NDArray[np.bool_],
+    weight: Array | None = None,
 ) -> Fragility:
     """Fit a lognormal distribution to runs at intensity levels (`fit_stripes`).
 
@@ -245,13 +253,16 @@ def fit_levels(
         Probability that each run exceeds.
     is_used : ndarray, shape (n,)
         Mask of the runs of the fit.
+    weight : ndarray, shape (n,), optional
+        Number of equal buildings of each run; default 1.
     """
     # Number the levels without gaps, as `bincount` requires.
     level_number = np.unique(level[is_used], return_inverse=True)[1]
-    records = np.bincount(level_number).astype(float)
-    im_levels = np.exp(np.bincount(level_number, np.log(im[is_used])) / records)
+    weights = np.ones(level_number.size) if weight is None else weight[is_used]
+    records = np.bincount(level_number, weights)
+    im_levels = np.exp(np.bincount(level_number, weights * np.log(im[is_used])) / records)
     # The sum of probabilities may exceed the number of runs by rounding errors.
-    exceeding_counts = np.minimum(np.bincount(level_number, exceeding[is_used]), records)
+    exceeding_counts = np.minimum(np.bincount(level_number, weights * exceeding[is_used]), records)
     return fit_stripes(im_levels, exceeding_counts, records)
 
 
@@ -370,6 +381,7 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
         motions=x.size,
         censored=int(np.sum(above)),
         points=empirical(x, above),
+        error_method=INFORMATION if above.any() else NORMAL,
     )
 
 
@@ -379,6 +391,7 @@ def fit_cloud(
     thresholds: Numbers,
     censored: Sequence[bool] | NDArray[np.bool_] | None = None,
     *,
+    collapsed: Sequence[bool] | NDArray[np.bool_] | None = None,
     lower_threshold: float = 0.0,
     values_per_demand: int = 1,
 ) -> list[Fragility]:
@@ -391,15 +404,22 @@ def fit_cloud(
     sigma of a regression without censored demands divides by n - 2, as usual. n is the number of
     demands that are not censored.
 
+    With collapses, the line is fitted to the motions that the building survives, and the
+    probability of collapse is a logistic function of ln IM, fitted to all motions (Jalayer and
+    Cornell 2009). Each function then is a mixture (`CollapseCloud`), which is not lognormal: theta
+    is its 50 % point, and beta follows from its 16 and 84 % points.
+
     Parameters
     ----------
     im, edp : array, shape (n,)
         Intensities and demands, positive. A censored demand is only known to be above the specified
-        value.
+        value; the demand of a collapse is not used.
     thresholds : sequence of float
         Demands for which the exceedance is computed, positive.
     censored : sequence of bool, shape (n,), optional
         True for censored demands; default none censored.
+    collapsed : sequence of bool, shape (n,), optional
+        True for motions with collapse; default no collapse.
     lower_threshold : float
         Smaller demands that are not censored count only as below this value; default 0. Well below
         the lightest state the response is elastic and follows another line. These demands are not
@@ -420,12 +440,21 @@ def fit_cloud(
         No line with a positive slope fits.
     """
     x, y = np.asarray(im, float), np.asarray(edp, float)
-    above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
-    if x.ndim != 1 or not x.shape == y.shape == above.shape:
+    above, fell = (
+        np.zeros(x.size, bool) if mask is None else np.asarray(mask, bool)
+        for mask in (censored, collapsed)
+    )
+    if x.ndim != 1 or not x.shape == y.shape == above.shape == fell.shape:
         raise UsageError(
             "intensities, demands and censored of a cloud must be arrays of the same length, got "
             f"the shapes {x.shape}, {y.shape} and {above.shape}"
         )
+    if fell.all():
+        raise AnalysisError(
+            "every motion causes collapse: a cloud requires motions without collapse"
+        )
+    # Figures show collapses above all demands.
+    y = np.where(fell, max(np.max(y[~fell]), *np.asarray(thresholds, float)), y)
     for values, name in (
         (x, "intensities"),
         (y, "demands"),
@@ -433,28 +462,44 @@ def fit_cloud(
     ):
         _check_positive(values, name)
     lower_threshold = between(lower_threshold, "lower_threshold")
-    below = ~above & (y < lower_threshold)
+    below = ~(above | fell) & (y < lower_threshold)
     # Small demands count only as below the limit if the remaining exact demands determine a line:
     # at least three demands at more than one intensity. Otherwise all these demands are exact.
-    exact = ~(above | below)
+    exact = ~(above | below | fell)
     if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
+    limited = np.log(np.where(below, lower_threshold, y))
     intercept, slope, sigma, covariance = _line(
-        np.log(x), np.log(np.where(below, lower_threshold, y)), above, below
+        np.log(x[~fell]), limited[~fell], above[~fell], below[~fell]
     )
-    exact_count = float(np.sum(~(above | below))) / values_per_demand
+    exact_count = float(np.sum(~(above | below | fell))) / values_per_demand
     if exact_count <= 2.0:
         raise AnalysisError("a line requires more than two demands that are not censored")
     sigma *= math.sqrt(exact_count / (exact_count - 2.0))
     # The likelihood has the parameters g0 = b0 / sigma, g1 = b1 / sigma and 1 / sigma. Convert
     # their covariance to the covariance of ln theta and beta = 1 / g1 by the delta method.
-    points = CloudPoints(x, y, above, below, intercept, slope, sigma)
-    common_attributes = {
+    points = CloudPoints(x, y, above | fell, below, intercept, slope, sigma)
+    common_attributes: dict[str, Any] = {
         "runs": x.size,
         "motions": x.size,
-        "censored": int(np.sum(above)),
+        "censored": int(np.sum(above | fell)),
         "cloud": points,
     }
+    if fell.any():
+        mixture = CollapseCloud(intercept, slope, sigma, *collapse_line(x, fell))
+        points = replace(points, mixture=mixture, collapsed=int(np.sum(fell)))
+        common_attributes["cloud"] = points
+        unknown = np.full((2, 2), math.nan)
+        return [
+            Fragility(
+                CLOUD,
+                *mixture.lognormal(float(threshold)),
+                unknown,
+                threshold=float(threshold),
+                **common_attributes,
+            )
+            for threshold in thresholds
+        ]
     inverse_beta, functions = slope / sigma, []
     for threshold in thresholds:
         ln_theta = (math.log(threshold) - intercept) / slope
@@ -471,6 +516,7 @@ def fit_cloud(
                 1.0 / inverse_beta,
                 function_covariance,
                 threshold=float(threshold),
+                error_method=INFORMATION,
                 **common_attributes,
             )
         )

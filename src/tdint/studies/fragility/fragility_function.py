@@ -14,10 +14,15 @@ from scipy.special import ndtr
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.number_parsing import abbreviate, pluralize
+from tdint.studies.fragility.collapse_cloud import CollapseCloud
 from tdint.tabular import Described
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 
 STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
+JACKKNIFE, INFORMATION, NORMAL = "jackknife", "information", "normal"
+"""Methods of standard errors: jackknife over ground motions; inverse of the observed information;
+normal distribution of the logarithms, beta / sqrt(n) and beta / sqrt(2 n)."""
+
 FITS = (STRIPES, IDA, CLOUD)
 """Names of the available fits."""
 
@@ -110,6 +115,10 @@ class CloudPoints:
         True for censored demands, and for demands that count only as below the lightest state.
     intercept, slope, sigma : float
         Line ln EDP = intercept + slope ln IM, and standard deviation of ln EDP.
+    mixture : CollapseCloud | None
+        Function with collapses; None without collapses.
+    collapsed : int
+        Number of motions with collapse, which are not points of the line.
     """
 
     im: Array
@@ -119,6 +128,8 @@ class CloudPoints:
     intercept: float
     slope: float
     sigma: float
+    mixture: CollapseCloud | None = None
+    collapsed: int = 0
 
     @property
     def light(self) -> int:
@@ -128,7 +139,8 @@ class CloudPoints:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fragility(Described):
-    """Fragility function: the probability of exceedance is Phi(ln(im / theta) / beta).
+    """Fragility function: the probability of exceedance is Phi(ln(im / theta) / beta), except for a
+    cloud with collapses (`CollapseCloud`).
 
     Attributes
     ----------
@@ -171,6 +183,9 @@ class Fragility(Described):
         Number of ground motions of the runs; both components of a recording are one. If the runs
         have events, it is the number of events. Runs of a table that states neither are assumed to
         be under separate ground motions.
+    error_method : str
+        Method of the standard errors: `jackknife`, `information` or `normal`; empty if they are
+        unknown.
     points : Points | None
         Observations for figures.
     cloud : CloudPoints | None
@@ -197,6 +212,7 @@ class Fragility(Described):
     extrapolated: str = ""
     pair_demand: str = ""
     motions: int = 0
+    error_method: str = ""
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
@@ -240,7 +256,8 @@ class Fragility(Described):
         return math.hypot(self.beta, self.modeling_dispersion)
 
     def probability(self, im: Array | float, *, total: bool = False) -> Array:
-        """Return the probability of exceedance, Phi(ln(im / theta) / beta), at intensities.
+        """Return the probability of exceedance, Phi(ln(im / theta) / beta), at intensities. With
+        collapses in a cloud it is the mixture, unless `total` includes a modeling dispersion.
 
         Parameters
         ----------
@@ -249,6 +266,9 @@ class Fragility(Described):
         total : bool
             True to use the total dispersion `beta_total` instead of `beta`; default False.
         """
+        mixture = self.cloud and self.cloud.mixture
+        if mixture and not (total and self.modeling_dispersion):
+            return mixture.exceedance(self.threshold, np.asarray(im))
         with np.errstate(divide="ignore"):  # zero at the intensity 0, with the logarithm -inf
             logarithm = np.log(im / self.theta)
         return np.asarray(ndtr(logarithm / (self.beta_total if total else self.beta)))
@@ -380,7 +400,8 @@ class Fragility(Described):
             reason = "every intensity is above the median of"
         if not reason:
             return self
-        return replace(self, extrapolated=reason, covariance=np.full((2, 2), math.nan))
+        unknown = np.full((2, 2), math.nan)
+        return replace(self, extrapolated=reason, covariance=unknown, error_method="")
 
     @property
     def threshold_text(self) -> str:
@@ -459,7 +480,8 @@ class Fragility(Described):
             # The line is ln EDP = intercept + slope ln IM. With IM' = factor IM, its intercept is
             # intercept - slope ln factor, and its slope is unchanged.
             intercept = cloud.intercept - cloud.slope * math.log(factor)
-            cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
+            mixture = cloud.mixture and cloud.mixture.in_units(factor)
+            cloud = replace(cloud, im=factor * cloud.im, intercept=intercept, mixture=mixture)
         first_bound, second_bound = (
             replace(fit, theta=factor * fit.theta, unit=unit) if fit else None
             for fit in self.bounds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -37,15 +38,21 @@ FRAGILITY = (
     ),
     Column.named(
         "theta_error",
-        "standard error of ln theta, which is the relative standard error of theta; a jackknife "
-        "estimate over ground motions (or events) if they are known; empty if the median is "
-        "extrapolated or less than three ground motions determine it",
+        "standard error of ln theta, which is the relative standard error of theta; empty if the "
+        "median is extrapolated or less than three ground motions determine it",
     ),
     Column.named("beta_error", "standard error of beta, by the same method"),
     Column.named(
+        "error_method",
+        "method of the standard errors: jackknife over ground motions (a recording is omitted with "
+        "all its levels), information (observed, of the likelihood), or normal (capacities: beta / "
+        "sqrt(n) and beta / sqrt(2 n)); empty if they are unknown",
+        TEXT,
+    ),
+    Column.named(
         "motions",
         "number of ground motions, both components of a recording being one; number of events if "
-        "the runs have events; if the table states neither, of its rows or of the largest stripe",
+        "the runs have events; if the table states neither, of its rows or counted records",
     ),
     Column.named("runs", "number of runs, capacities or counted records"),
     Column.named("censored", "number of runs with only a lower bound of the value"),
@@ -62,6 +69,14 @@ _LINE = {
     "b1": ("slope", "slope of the regression of ln EDP on ln IM"),
     "sigma": ("sigma", "standard deviation of ln EDP about the regression line"),
     "below": ("light", "number of runs that count only as below all states"),
+    "collapsed": (
+        "collapsed",
+        "number of collapses, which are not points of the line; the function then combines the "
+        "probability of collapse with the exceedance by the line: theta is its 50 % point, beta "
+        "follows from its 16 and 84 % points",
+    ),
+    "a0": ("mixture.a0", "collapse probability 1 / (1 + exp(-a0 - a1 ln IM)), intercept"),
+    "a1": ("mixture.a1", "slope of the collapse probability"),
 }
 """Attribute of the regression line and meaning of each column of a cloud analysis."""
 
@@ -69,7 +84,15 @@ _LINE = {
 def _value_of_line(attribute: str) -> Callable[[Fragility], float]:
     """Return a function of a fragility function, which returns an attribute of the regression line;
     nan for a fragility function that is not from a cloud analysis."""
-    return lambda function: getattr(function.cloud, attribute, np.nan)
+
+    def value(function: Fragility) -> float:
+        """Return the attribute; nan without it."""
+        owner: Any = function.cloud
+        for name in attribute.split("."):
+            owner = getattr(owner, name, None)
+        return np.nan if owner is None else float(owner)
+
+    return value
 
 
 CLOUD = tuple(

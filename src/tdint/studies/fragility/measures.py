@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,15 +34,18 @@ from tdint.response.spectra.elastic import SA_DAMPING, spectrum
 from tdint.response.spectra.inelastic import constant_strength
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
-from tdint.studies.fragility.building_damage import BuildingDamage, runs_of_motions
-from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.campaign.story_profiles import level_measure
+from tdint.studies.fragility.building_damage import BuildingDamage, motion_of_runs
+from tdint.studies.fragility.fragility_function import JACKKNIFE, Fragility
 from tdint.studies.motions.intensity import (
     AVERAGE,
+    GEOMETRIC_MEAN,
     SPECTRAL,
     check_period,
     geometric_mean,
     unknown_measure,
 )
+from tdint.studies.motions.outcomes import Indices, geometric_means, indices_of
 from tdint.studies.motions.pairs import (
     LARGER,
     SEPARATE,
@@ -315,8 +317,6 @@ class RunIntensities:
     ----------
     folder : Path
         Directory of the campaign, which may contain measures.csv.
-    pair_demand : str | None
-        Rule that combines the components of pairs; None for the rule of the campaign.
 
     Raises
     ------
@@ -324,9 +324,7 @@ class RunIntensities:
         The runs have no such measure.
     """
 
-    def __init__(
-        self, store: Store, folder: Path, measure: RunMeasure, pair_demand: str | None = None
-    ) -> None:
+    def __init__(self, store: Store, folder: Path, measure: RunMeasure) -> None:
         """Select the source of the intensities: the levels of the campaign, otherwise values of the
         store (Sa(T1) and PGA), otherwise the file measures.csv."""
         self._measure, self._file = measure, folder / MEASURES
@@ -334,30 +332,17 @@ class RunIntensities:
         self._record_names = {
             number: (name, component) for number, (name, component, _) in records.items()
         }
-        # If the components count as separate ground motions, only components that were read as a
-        # pair have a common intensity: the second component (direction 2) has the number after the
-        # first. Otherwise components that were recognized as a pair by their names also have one.
         rule = store.pair_rule()
-        if (pair_demand or rule.demand) == SEPARATE:
-            first_components = {
-                number: number - 1 if direction > 1 else number
-                for number, (_, _, direction) in records.items()
-            }
-            rule = replace(rule, recordings=first_components)
-        # `_pairs` only groups the runs of both components; it combines no demands. A rule with the
-        # demand SEPARATE would not group them, so it is replaced.
+        # The intensity of a pair does not depend on the rule for its demand. A rule with the demand
+        # SEPARATE would not group the components.
         self._pairs = replace(rule, demand=LARGER)
-        # Negative levels reverse the direction of a motion.
-        settings = store.parameters()
-        self._levels = (
-            sorted(settings["levels"], key=abs) if _has_levels_of(settings, measure) else []
-        )
+        self._is_level = is_level(store, measure)
         self.unit = measure.unit
         # Attribute of `BuildingDamage` with the values; the store contains only Sa(T1) and PGA.
         stored_name = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
-        self._stored_name = None if self._levels else stored_name
+        self._stored_name = None if self._is_level else stored_name
         self._rows: Iterator[tuple[int, list[str]]] = iter(())
-        if not (self._levels or stored_name):
+        if not (self._is_level or stored_name):
             # Rows of the file of `tdint campaign --im`, which are read together with the buildings.
             if not is_file(self._file):
                 raise UsageError(no_measure_message(str(self._file.parent), measure.column))
@@ -371,7 +356,7 @@ class RunIntensities:
     def note(self) -> str:
         """Note for the user on the intensity of pairs; empty without pairs, and if the intensities
         are levels."""
-        if not self._pairs.pairs or self._levels:
+        if not self._pairs.pairs or self._is_level:
             return ""
         return (
             f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both "
@@ -387,16 +372,15 @@ class RunIntensities:
         ModelError
             The rows of measures.csv do not match the runs of the store.
         """
-        if self._levels:
-            return np.array(self._levels)[building.rank]
+        if self._is_level:
+            return building.level
         if self._stored_name:
             values = np.array(getattr(building, self._stored_name), float)
         else:
             values = np.array([self._next_value(building, run) for run in building.keys], float)
         if self._pairs.pairs:
-            for indices in runs_of_motions(building, self._pairs):
-                if len(indices) > 1:
-                    values[indices] = math.sqrt(float(np.prod(values[indices])))
+            motion = motion_of_runs(building, self._pairs)
+            values = geometric_means(motion, values)[motion]
         return values
 
     def _next_value(self, building: BuildingDamage, run: Run) -> float:
@@ -415,9 +399,45 @@ class RunIntensities:
         return self._factor * float(text) if text else math.nan
 
 
-def _has_levels_of(settings: Mapping[str, Any], measure: RunMeasure) -> bool:
-    """Return True if a campaign with the given settings has scaled its motions to levels of an
-    intensity measure, with the same period and damping ratio."""
+LEVEL = "level"
+"""Column of the levels of a campaign in runs.csv."""
+
+
+def measure_of_campaign(store: Store | None, text: str | None) -> RunMeasure:
+    """Return the intensity measure for fits to the runs of a campaign, by default the measure of
+    its levels, otherwise Sa(T1). The name states the combination of the components if there are
+    pairs.
+
+    Parameters
+    ----------
+    store : Store | None
+        Store of the campaign, if available.
+    text : str | None
+        Requested measure (`measure_named`).
+    """
+    levels = level_measure(store) if store is not None else None
+    settings = store.parameters() if store is not None else {}
+    combination = GEOMETRIC_MEAN
+    if text is None and levels and levels[1]:  # numbered levels have no unit
+        name, unit = levels
+        if settings.get("measure") in SPECTRAL:
+            period = settings["period"]
+            name = f"{settings['measure']}({'{}' if period == FIRST else f'{period:g}'})"
+        combination = settings.get("pair", combination)
+        measure = RunMeasure(LEVEL, unit, name, lambda record, period: math.nan, called=name)
+    else:
+        measure = measure_named(text or "sa")
+    if store is None or not store.pair_rule().pairs or measure.called == LEVEL:
+        return measure
+    return replace(measure, called=f"{combination}-{measure.called}")
+
+
+def is_level(store: Store, measure: RunMeasure) -> bool:
+    """Return True if a campaign has scaled its motions to levels of an intensity measure, with the
+    same period and damping ratio."""
+    if measure.column == LEVEL:
+        return True
+    settings = store.parameters()
     # `settings` has no key `measure` if the levels are scale factors.
     name, period = settings.get("measure"), settings.get("period")
     if name is None or settings.get("damping", SA_DAMPING) != SA_DAMPING:
@@ -426,11 +446,12 @@ def _has_levels_of(settings: Mapping[str, Any], measure: RunMeasure) -> bool:
     # sa-avg of runs is an average over multiples of the first period, so only these levels match.
     if name == "sa-avg" and period != FIRST:
         return False
-    # For example `sa(T1)` or `sa(0.5)`.
+    # For example `sa(T1)` or `sa(0.5)`, after the combination of the components of pairs.
     period_text = ""
     if name in SPECTRAL:
         period_text = f"({FIRST})" if period == FIRST else f"({period:g})"
-    return measure.called.format(FIRST) == f"{name}{period_text}"
+    called = measure.called.format(FIRST).removeprefix(f"{GEOMETRIC_MEAN}-")
+    return called == f"{name}{period_text}"
 
 
 MEASURES = "measures.csv"
@@ -459,7 +480,7 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
                 (name, station_and_code(first)[0])
                 for name, first in zip(names, firsts, strict=True)
             ]
-    with _store_of_table(table) as store:
+    with store_of_table(table) as store:
         # Without ground motion fields, a column `event` is a column of the inventory, not an event.
         if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
@@ -537,7 +558,10 @@ def over_motions(
     for function, function_estimates in zip(fits, estimates, strict=True):
         if isinstance(function, Fragility):
             covariance = _jackknife_covariance(function_estimates)
-            function = replace(function, covariance=covariance, motions=motions.size)
+            method = "" if np.isnan(covariance).any() else JACKKNIFE
+            function = replace(
+                function, covariance=covariance, motions=motions.size, error_method=method
+            )
         results.append(function)
     return results
 
@@ -551,26 +575,25 @@ def _jackknife_covariance(estimates: Sequence[tuple[float, float]]) -> Array:
     return np.asarray((len(estimates) - 1) * np.cov(np.array(estimates).T, bias=True))
 
 
-def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, list[list[int]]]:
-    """Group the indices of the rows of a table of runs by ground motion and level; return the rule
-    for pairs and the groups.
+def motion_of_rows(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, Indices]:
+    """Return the rule for pairs, and the index of the motion at a level of each row of a table of
+    runs.
 
-    The rows of the two components of a pair at a level form a group. Each row is a separate group
-    if the table has no pairs or if their components count separately. Pairs are defined by the
-    store in the same directory, otherwise by their names. Without `pair_demand`, the rule of the
-    store applies, or the default if there is no store.
+    A table of a campaign contains motion and level. In other tables, the rows of the components of
+    a recording with equal intensity, or equal factor, are a motion; pairs are recognized by their
+    names. Each row is a motion if components count separately. Without `pair_demand`, the rule of
+    the store applies, or the default if there is no store.
 
     Raises
     ------
     UsageError
         The components of a pair were run at different levels.
     """
-    separate_rows = [[row] for row in range(len(table.rows))]
     if not table.has("record", "component"):
-        return PairRule(pair_demand or LARGER), separate_rows
+        return PairRule(pair_demand or LARGER), np.arange(len(table.rows))
     names = list(zip(table.texts("record"), table.texts("component"), strict=True))
     number_of_name = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    with _store_of_table(table) as store:
+    with store_of_table(table) as store:
         # Direction (1 or 2) of each record of the store, by its name and component
         stored_records = store.records().values() if store else ()
         directions = {(name, component): number for name, component, number in stored_records}
@@ -579,70 +602,40 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     records = {number: (*name, directions.get(name, 0)) for name, number in number_of_name.items()}
     rule = PairRule(demand, recording_numbers(records))
     if rule.demand == SEPARATE or not rule.pairs:
-        return rule, separate_rows
-
-    # A level is identified by the intensity, rounded to six digits, if the table contains it.
-    # Otherwise it is identified by the rank of the factor, because the factors of the components
-    # may differ.
+        return rule, np.arange(len(table.rows))
     samples = table.texts("sample") if table.has("sample") else [""] * len(names)
+    if table.has("motion", LEVEL):
+        levels = table.texts(LEVEL)
+        return rule, indices_of(zip(table.texts("motion"), samples, levels, strict=True))
+    recordings = [rule.recordings[number_of_name[name]] for name in names]
     column = next((name for name in ("im", "scale") if table.has(name)), None)
     intensities = table.numbers(column, empty=True) if column else [1.0] * len(names)
-    rows_of_record: dict[tuple[int, str], list[int]] = {}
-    for row, (name, sample) in enumerate(zip(names, samples, strict=True)):
-        rows_of_record.setdefault((number_of_name[name], sample), []).append(row)
-    rows_of_motion: dict[tuple[int, str, object], list[int]] = {}
-    for (number, sample), rows in rows_of_record.items():
-        for rank, row in enumerate(sorted(rows, key=lambda index: abs(intensities[index]))):
-            level = f"{intensities[row]:.6g}" if column == "im" else rank
-            rows_of_motion.setdefault((rule.motion(number), sample, level), []).append(row)
-
-    # The demands of the two components can be combined only if both were run at the level. `paired`
-    # contains the motions that have a second component.
+    levels = [f"{value:.6g}" for value in intensities]
+    motion = indices_of(zip(recordings, samples, levels, strict=True))
+    # The demands of the components can be combined only if both were run at the level.
     paired = {*rule.partners.values()}
-    unpaired = [key for key, rows in rows_of_motion.items() if key[0] in paired and len(rows) == 1]
-    if unpaired and column == "im":
-        first_row = rows_of_motion[unpaired[0]][0]
-        record_name, _ = names[first_row]
-        raise UsageError(
-            f"{table.source}: the components of a pair ({record_name}) were run at different "
-            "levels, so that their demands cannot be combined; use --fit ida, or "
-            "--pair-demand separate"
-        )
-    return rule, sorted(rows_of_motion.values())
+    for row in np.flatnonzero(np.bincount(motion)[motion] == 1) if column == "im" else ():
+        if recordings[row] in paired:
+            raise UsageError(
+                f"{table.source}: the components of a pair ({names[row][0]}) were run at different "
+                "levels, so that their demands cannot be combined; use --fit ida, or "
+                "--pair-demand separate"
+            )
+    return rule, motion
 
 
 def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
-    """Replace the intensities of the two components of each pair by their geometric mean.
-
-    The store in the directory of the table states which components were read as a pair. Other
-    intensities are not changed.
-    """
-    with _store_of_table(table) as store:
-        records = store.records() if store is not None else {}
-    # First component of each pair, by the name and component of the second component (direction 2)
-    first_components = {
-        (name, component): records[number - 1][:2]
-        for number, (name, component, direction) in records.items()
-        if direction > 1
-    }
-    if not first_components:
-        return im
-    result, keys = im.copy(), _keys(table)
-    row_of_key = {key: row for row, key in enumerate(keys)}
-    for row, (building, record, component, *scale_and_sample) in enumerate(keys):
-        # Empty names, for which no row exists, represent a record without a first component.
-        first_component = first_components.get((record, component), ("", ""))
-        first_row = row_of_key.get((building, *first_component, *scale_and_sample))
-        if first_row is not None:
-            result[[row, first_row]] = math.sqrt(im[row] * im[first_row])
-    return result
+    """Return the intensities of runs, for the components of each pair their geometric mean. It does
+    not depend on the rule for their demand."""
+    _, motion = motion_of_rows(table, LARGER)
+    return geometric_means(motion, im)[motion]
 
 
 def first_period_of_runs(table: CsvTable) -> float | None:
     """Return the first period (s) of the building of a table of runs, from the store in the
     directory of the table; None if it is unknown."""
     building = table.only("building")
-    with _store_of_table(table) as store:
+    with store_of_table(table) as store:
         if store is None:
             return None
         for number, (name, _) in store.buildings().items():
@@ -652,7 +645,7 @@ def first_period_of_runs(table: CsvTable) -> float | None:
 
 
 @contextmanager
-def _store_of_table(table: CsvTable) -> Iterator[Store | None]:
+def store_of_table(table: CsvTable) -> Iterator[Store | None]:
     """Open the store in the directory of a table in a `with` statement. Yield None if the table is
     not runs.csv or the directory has no store."""
     folder = Path(table.source).parent

@@ -17,6 +17,7 @@ import numpy as np
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, UsageError
+from tdint.fractiles import fractiles
 from tdint.ground_motion.record import Record
 from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.batch import Subject
@@ -529,42 +530,13 @@ def _demands_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
     return np.stack(columns, axis=-1)
 
 
-FRACTIONS = (0.16, 0.5, 0.84)
-"""Probabilities of the fractiles of IDA curves."""
-
-
-def fractiles(curves: Sequence[IdaCurve], drift_ratios: Array) -> Array:
-    """Return fractiles, over the records, of the intensity where the building reaches each drift
-    ratio.
-
-    Records without a run below collapse are omitted. A fractile between two records is interpolated
-    linearly in the logarithm of the intensity. It is NaN if the intensity of either record is
-    censored (infinite), unknown (NaN), or zero.
-
-    Parameters
-    ----------
-    fractions : sequence of float
-        Fractions of the fractiles; by default 16 %, 50 % and 84 %.
+def capacity_fractiles(curves: Sequence[IdaCurve], drift_ratios: Array) -> Array:
+    """Return fractiles, over the motions, of the intensity where the building reaches each drift
+    ratio, shape (3, k), by the rules of `fractiles`: a censored intensity is above every value.
+    Motions without a run below collapse are omitted.
     """
-    used = [curve for curve in curves if curve.stable]
-    if not used:
-        return np.full((len(FRACTIONS), drift_ratios.size), math.nan)
-    return fractiles_of(np.array([curve.intensity_at(drift_ratios) for curve in used]))
-
-
-def fractiles_of(intensities: Array) -> Array:
-    """Return fractiles of intensities, shape (records, k), by the rules of `fractiles`."""
-    result = np.full((len(FRACTIONS), intensities.shape[1]), math.nan)
-    # Intensities of the records in ascending order, NaN last. The fractile is at a position between
-    # 0 and the index of the last record.
-    ranked = np.sort(intensities, axis=0)
-    for row, fraction in zip(result, FRACTIONS, strict=True):
-        position = fraction * (len(ranked) - 1)
-        low, high = ranked[math.floor(position)], ranked[math.ceil(position)]
-        can_interpolate = np.isfinite(low) & np.isfinite(high) & (low > 0.0)
-        below, above = low[can_interpolate], high[can_interpolate]
-        row[can_interpolate] = below * (above / below) ** (position - math.floor(position))
-    return result
+    used = [curve.intensity_at(drift_ratios) for curve in curves if curve.stable]
+    return fractiles(np.array(used).reshape(-1, drift_ratios.size))
 
 
 # ---- Damage

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from tdint.fractiles import FRACTIONS
 from tdint.number_parsing import pluralize
 from tdint.output.figures.style import (
     COLORS,
@@ -18,7 +19,7 @@ from tdint.output.figures.style import (
 )
 from tdint.studies.fragility.fragility_function import initial_damage
 from tdint.studies.ida.ida import IdaStudy
-from tdint.studies.ida.ida_curve import FRACTIONS, IdaCurve, fractiles
+from tdint.studies.ida.ida_curve import IdaCurve, capacity_fractiles
 from tdint.studies.motions.intensity import (
     MotionIntensity,
 )
@@ -136,7 +137,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
             _draw_curve(axes, curve, limit, style)
         return
     drifts = np.linspace(0.0, limit, _DRIFTS)[1:]
-    rows = fractiles(study.motion_curves, drifts)
+    rows = capacity_fractiles(study.motion_curves, drifts)
     # In reverse order, the legend lists the median first; both dashed lines have one entry.
     for fraction, row in reversed(list(zip(FRACTIONS, rows, strict=True))):
         is_median = fraction == 0.5
@@ -148,7 +149,8 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
             label = "16 % and 84 %" if fraction == FRACTIONS[0] else None
             style = {"linestyle": DASHES[1], "linewidth": 1.4, "label": label}
         start = [] if damage else [0.0]  # a damaged building does not start at the origin
-        axes.plot([*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, **style)
+        shown = np.where(np.isinf(row), np.nan, row)
+        axes.plot([*start, *(100.0 * drifts)], [*start, *shown], color=color, zorder=3, **style)
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:

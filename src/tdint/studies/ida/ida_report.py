@@ -30,7 +30,7 @@ from tdint.studies.fragility.fragility_report import (
 from tdint.studies.fragility.fragility_tables import fit_table_of
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida import IdaSettings, IdaStudy
-from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles
+from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, capacity_fractiles
 from tdint.studies.ida.ida_tables import curve_rows, limit_capacities
 from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
@@ -117,8 +117,9 @@ def _medians(study: IdaStudy) -> list[str]:
     texts, unit = [], study.measure.unit
     for state in study.states:
         curves = state.motion_curves
-        # Fractiles above the maximum intensity are NaN.
-        low, median, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+        # Fractiles above the maximum intensity are infinite.
+        drifts = np.array([study.model.collapse_drift])
+        low, median, high = capacity_fractiles(curves, drifts)[:, 0].tolist()
         damage = curves[0].damage
         name = f", damaged to {100.0 * damage:g} %" if damage else ""
         text = f"Median capacity against collapse{name}: "
@@ -141,7 +142,7 @@ def _fractile_table(study: IdaStudy) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for state in study.states:
         curves = state.motion_curves
-        values = fractiles(curves, np.array(study.thresholds)).T.tolist()
+        values = capacity_fractiles(curves, np.array(study.thresholds)).T.tolist()
         for threshold, row in zip(study.thresholds, values, strict=True):
             censored = sum(curve.capacity(threshold).censored for curve in curves)
             rows.append((initial_damage(curves[0].damage), threshold, *row, len(curves), censored))

@@ -16,14 +16,15 @@ under a component, and a pair has no result if a component has no result.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.errors import UsageError, did_you_mean
+from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import (
     at_right_angles,
     check_components,
@@ -35,6 +36,9 @@ from tdint.ground_motion.horizontals import (
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion
 from tdint.ground_motion.record import Record, named_components
 from tdint.number_parsing import abbreviate, pluralize
+
+if TYPE_CHECKING:
+    from tdint.studies.campaign.chunks import Run
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
 PAIR_DEMANDS = (LARGER, MEAN, SEPARATE)
@@ -164,15 +168,11 @@ class PairRule:
         """Number of the first component by the number of the second component."""
         return {number: first for number, first in self.recordings.items() if number != first}
 
-    def motion(self, record: int) -> int:
-        """Return the number of the motion to which a record belongs: its own number if components
-        are separate motions, otherwise the number of the first component."""
-        return record if self.demand == SEPARATE else self.recordings[record]
-
-    def combine(self, values: Array) -> Array:
-        """Return the demand of a ground motion: the maximum or the mean of the demands of its
-        components, depending on the rule. The first axis of `values` is the component."""
-        return combine(values, self.demand)
+    def motion_key(self, run: Run, name: str) -> Hashable:
+        """Return the key of the ground motion of a run at its level. `name` is the stored name of
+        the motion (`tdint.studies.campaign.chunks.Place`), which the components of a pair have in
+        common; each component is a motion if components count separately."""
+        return run if self.demand == SEPARATE else (name, run.sample)
 
     def note(self, files: Sequence[str] = (), *, is_default: bool = True) -> str:
         """Return one line that reports the number of recognized pairs, their names and the rule for
@@ -211,6 +211,25 @@ def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
         # Components that were read as a pair (direction 2) have been checked by the reader.
         if motions[second].direction != 2:
             check_components(motions[first].record, motions[second].record)
+
+
+def recordings_of(motions: Sequence[SuiteMotion]) -> list[GroundMotion]:
+    """Return the recording to which each motion belongs: a pair, or a single record.
+
+    Two single records that are a pair by their names have the same pair. Components that do not fit
+    together, for example with different sampling intervals, remain single records
+    (`check_pairs`).
+    """
+    result = [motion.ground_motion for motion in motions]
+    for second, first in PairRule.from_motions(motions, None).partners.items():
+        components = (result[first], result[second])
+        records = [motion for motion in components if isinstance(motion, Record)]
+        if len(records) == 2:
+            with suppress(RecordError):
+                result[first] = result[second] = find_horizontals(
+                    [with_component(record, in_degrees=True) for record in records]
+                )
+    return result
 
 
 def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:

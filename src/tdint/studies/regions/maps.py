@@ -26,10 +26,8 @@ from tdint.studies.fragility.building_damage import (
     group_damages,
     has_losses,
     stored_states,
-    value_and_count,
 )
 from tdint.studies.fragility.damage_tables import LOSS, check_column, has_costs, probability_name
-from tdint.studies.motions.pairs import combine
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import RUNS
 from tdint.units import SI, OutputUnits
@@ -144,12 +142,13 @@ def building_features(
     rules, events, buildings = SuiteRules.of(store), store.events(), store.buildings()
     # Buildings have the same order as the runs. Without damage states, the iterator is empty.
     damages = building_damages(store)
-    rates, costs = store.rates(), has_costs(store)
+    rates = store.rates()
     inventory_names, is_numeric = _inventory_names(store), numeric(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
         run_damage = next(damages, None)
         damage = damage_by_motion(run_damage, rules.pairs) if run_damage else None
-        # The cells 1 to 3 of a row identify the run: ground motion, scale factor and sample.
+        # The cells 1 to 3 of a row identify the run: ground motion, scale factor and sample; the
+        # cells 4 and 5 are its place.
         runs = {Run(*row[1:4]): row for row in rows}
         cells = store.copied_cells(number)
         inventory_properties: Feature = {}
@@ -160,7 +159,7 @@ def building_features(
                 inventory_properties[name] = text
         position = _position(cells[longitude], cells[latitude])
         geometry = {"type": "Point", "coordinates": position} if position else None
-        value = value_and_count(dict(zip(titles, cells, strict=False)))[0] if costs else math.nan
+        value = damage.cost if damage else math.nan
         annual_losses = _annual_losses(damage, rates, events) if damage and rates else {}
         # With ground motion fields, the sample of a run is the number of its event, from 1. Without
         # events, all runs belong to event 0.
@@ -173,8 +172,8 @@ def building_features(
                     continue
                 head["event"] = event_name
             runs_of_event = {run: row for run, row in runs.items() if event in (0, run.sample)}
-            statuses = {run: row[_STATUS_INDEX] for run, row in runs_of_event.items()}
-            for rank, level in enumerate(rules.levels(statuses)):
+            suite = ((run, *row[4:6], row[_STATUS_INDEX]) for run, row in runs_of_event.items())
+            for rank, level in enumerate(rules.levels(suite)):
                 results = _damage(damage, rank, event) if damage else {}
                 results |= _losses(results, value, annual_losses, rank, event)
                 if level.pair_demand:
@@ -420,16 +419,13 @@ def _level_properties(
     for name, number in (("scale", level.scale), ("level", level.level)):
         if not math.isnan(number):
             properties[name] = number
-    properties |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
+    counts = level.counts
+    properties |= {"runs": counts.motions, "collapsed": counts.collapsed, "failed": counts.failed}
     for demand, column_index in zip(_DEMANDS, _DEMAND_INDICES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
-        values = []
-        for motion_runs in level.completed:
-            # A pair of components has two runs; their demands are combined by the rule of the pair.
-            component_values = [runs[run][column_index] for run in motion_runs]
-            if None not in component_values:
-                value = float(combine(np.abs(component_values), level.pair_demand))
-                values.append(value / factor)
+        of_runs = np.array([runs[run][column_index] for run in level.runs], float)
+        demands = level.demands(dict(zip(level.runs, np.abs(of_runs), strict=True)))
+        values = (demands[np.isfinite(demands)] / factor).tolist()
         properties[f"mean_{column}"] = math.fsum(values) / len(values) if values else math.nan
         properties[f"max_{column}"] = max(values, default=math.nan)
     return properties

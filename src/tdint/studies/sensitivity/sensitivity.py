@@ -11,18 +11,19 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
+from tdint.fractiles import fractiles
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, AnyRecord, model_of, record_of
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.assigned_motions import CampaignMotions
-from tdint.studies.campaign.chunks import CampaignSettings, Run
+from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile
 from tdint.studies.campaign.execute import execute_plan, threads
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.campaign.plan import Plan, make_plan
-from tdint.studies.campaign.story_profiles import SuiteRules, level_ranks
+from tdint.studies.campaign.story_profiles import SuiteLevel, SuiteRules
 from tdint.studies.store.opening import open_store
 from tdint.studies.store.result_store import Store
 from tdint.system import processors
@@ -286,18 +287,16 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
         variation: name.rpartition(": ")[0] for variation, (name, _) in store.buildings().items()
     }
     variations_of_group: dict[tuple[str, int], list[tuple[int, Array]]] = {}
-    scales_of_rank: dict[int, set[float]] = {}
-    for (variation, rank), (scales, values) in _medians(store, by_level=True).items():
-        variations_of_group.setdefault((base_names[variation], rank), []).append(
-            (variation, values)
-        )
-        scales_of_rank.setdefault(rank, set()).update(scales)
-    rules = SuiteRules.of(store)
+    levels: dict[tuple[str, int], SuiteLevel] = {}
+    for (variation, rank), (level, values) in _medians(store).items():
+        group = base_names[variation], rank
+        variations_of_group.setdefault(group, []).append((variation, values))
+        levels.setdefault(group, level)
     # In each group, `variations` has the number of each variation and its medians in the order of
     # `PEAKS`.
     correlations = []
     for (building, rank), variations in variations_of_group.items():
-        scale, level = rules.scale_and_level(rank, scales_of_rank[rank])
+        level = levels[building, rank]
         for parameter in dict.fromkeys(
             name for variation, _ in variations for name in changes_of_building[variation]
         ):
@@ -318,8 +317,8 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
                 correlations.append(
                     RankCorrelation(
                         building,
-                        scale,
-                        level,
+                        level.scale,
+                        level.level,
                         parameter,
                         quantity,
                         coefficient,
@@ -329,31 +328,15 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     return correlations
 
 
-def _medians(
-    store: Store, *, by_level: bool = False
-) -> dict[tuple[int, int], tuple[set[float], Array]]:
-    """Return the scale factors of the runs of each building, and the medians of the peaks (`PEAKS`)
-    over these runs, by the number of the building and of the level, from 0; with the level 0, over
-    all runs, if `by_level` is False. A median is NaN if at least half of the runs have no value.
-    """
-    peaks_of_building: dict[int, dict[Run, list[float | None]]] = {}
-    columns = ", ".join(peak.column for peak in PEAKS)
-    for number, record, scale, sample, *peaks in store.connection.execute(
-        f"SELECT building, record, scale, sample, {columns} FROM run_rows"
-    ):
-        peaks_of_building.setdefault(number, {})[Run(record, scale, sample)] = peaks
+def _medians(store: Store) -> dict[tuple[int, int], tuple[SuiteLevel, Array]]:
+    """Return the level, and the medians of the peaks (`PEAKS`) over the motions, by the number of
+    the building and of the level, from 0; infinity if a median is a collapse."""
+    rules, columns = SuiteRules.of(store), ", ".join(peak.column for peak in PEAKS)
     medians = {}
-    for number, peaks_of_run in peaks_of_building.items():
-        # Each motion may have a separate scale factor at a level, which may also depend on the
-        # building.
-        ranks = level_ranks(peaks_of_run) if by_level else dict.fromkeys(peaks_of_run, 0)
-        for rank in sorted(set(ranks.values())):
-            runs = [run for run in peaks_of_run if ranks[run] == rank]
-            # A run without a value (None, which becomes NaN), such as a collapse, counts as larger
-            # than any peak: NaN is last after `sort`. With an even number of runs, the median is
-            # the mean of the two middle values.
-            ordered = np.sort(np.array([peaks_of_run[run] for run in runs], np.float64), axis=0)
-            middle = (len(runs) - 1) / 2.0
-            median = 0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)])
-            medians[number, rank] = {run.scale for run in runs}, np.asarray(median)
+    for number in store.buildings():
+        rows = store.values_of_runs("run_rows", columns, number)
+        peaks = {run: np.abs(np.array(values, float)) for run, *values in rows}
+        for rank, level in enumerate(rules.levels_of(store, number)):
+            (median,) = fractiles(level.demands(peaks), (0.5,))
+            medians[number, rank] = level, median
     return medians

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import math
 import os
 import shutil
 import sqlite3
@@ -29,7 +30,7 @@ from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
 from tdint.output.tables.table import TEXT, Column, names
 from tdint.response.runs.run_values import HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.studies.campaign.chunks import RunRow
+from tdint.studies.campaign.chunks import Place, RunRow
 from tdint.system import file_system, is_special, lock_failure
 from tdint.system import locked as locked_file
 from tdint.units import Quantity
@@ -436,11 +437,14 @@ def _refuse_second(folder: Path) -> None:
 
 # ---- Schema
 
-VERSION = "11"
+VERSION = "12"
 """Version of the layout; stores with another version are refused."""
 
 # Columns that identify a run, with the type of their values.
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
+
+PLACE = {"motion": str, "level": float}
+"""Columns of the ground motion and the level of a run (`tdint.studies.campaign.chunks.Place`)."""
 
 _SQL_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
@@ -499,11 +503,13 @@ class RowTable:
         # the record and the method, then the results.
         names = ["b.name AS building", "m.name AS record", "m.component AS component"]
         run_columns = [f"{self.name}.scale", f"{self.name}.sample"]
+        if "dt_s" in self.others:
+            run_columns += [f'{self.name}."{column}"' for column in PLACE]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         result_columns = [
             f'{self.name}."{column}"'
             for column in self.columns
-            if column not in (*_KEY, "dt_s", *self.hidden)
+            if column not in (*_KEY, *PLACE, "dt_s", *self.hidden)
         ]
         columns = ", ".join([*names, *run_columns, *method, *result_columns])
         return (
@@ -592,7 +598,11 @@ def _column_types(quantities: Iterable[Quantity], suffix: str = "") -> dict[str,
 
 _HIDDEN = tuple(item.column for item in RUN if item.shown == HIDDEN)
 RUNS = RowTable(
-    "run_rows", _KEY, _column_types(RUN) | _column_types(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN
+    "run_rows",
+    _KEY,
+    PLACE | _column_types(RUN) | _column_types(RUN_WITH_ERROR, "_error"),
+    "runs",
+    _HIDDEN,
 )
 
 
@@ -655,12 +665,13 @@ TABLES = (
 
 def run_of(row: Sequence[Any]) -> RunRow:
     """Create a run from a row of the query `RUNS.select`, which contains the key of the run
-    (building, motion, scale factor, sample), its values, and their errors."""
-    values_start = len(_KEY)
+    (building, motion, scale factor, sample), its place, its values, and their errors."""
+    values_start = len(_KEY) + len(PLACE)
     errors_start = values_start + len(RUN)
     values, errors = tuple(row[values_start:errors_start]), tuple(row[errors_start:])
-    building, motion, scale, sample = row[:values_start]
-    return RunRow(building, motion, scale, sample, values, errors)
+    building, motion, scale, sample, name, level = row[:values_start]
+    place = Place(name, math.nan if level is None else level)
+    return RunRow(building, motion, scale, sample, place, values, errors)
 
 
 SEAL = "seal"
