@@ -15,6 +15,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
+from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names, named_components
 from tdint.number_parsing import pluralize
@@ -304,7 +305,9 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str]) -> list[_Curve]:
             if is_included and spectrum.damping == ratio
         ]
         medians = {
-            quantity: np.median([getattr(spectrum, quantity) for spectrum in selected], axis=0)
+            quantity: fractiles(
+                np.array([getattr(spectrum, quantity) for spectrum in selected]), (0.5,)
+            )[0]
             for quantity in ("sd", "psv", "psa")
         }
         label = f"median of {len(selected)}"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, each_array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
+from tdint.fractiles import fractiles
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
@@ -264,7 +265,7 @@ class Runs(Tabular):
                         *(*head, quantity.name, story + 1, quantity.unit, *counts),
                         float(sample.mean()),
                         float(sample.std(ddof=1)) if sample.size > 1 else math.nan,
-                        *np.percentile(sample, list(percentiles)).tolist(),
+                        *fractiles(sample, [0.01 * item for item in percentiles]).tolist(),
                     )
                     for name, value in zip(table, row, strict=True):
                         table[name].append(value)
