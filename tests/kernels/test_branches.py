@@ -34,7 +34,7 @@ LAW_CASES = {
     "peak-oriented": (FY, HARDENING, 0.4),
     "tanh": (FY,),
     "bouc-wen": (FY, HARDENING, 1.7, 0.6, *DEGRADING),
-    "gap": (0.05, 4.0 * K, 0.0),
+    "gap": (0.05, 4.0 * K, 0.0, 0.0, 1.0),
     "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
     "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
     "multilinear-pinching": (*2 * MULTILINEAR_SIDE, *2 * (0.5, 0.25, 0.05), *INTACT),
