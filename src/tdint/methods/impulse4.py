@@ -209,7 +209,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
             scratch[ROW.KINK, story] = 0.0
         if flags[rows.LINEAR] == 0.0:
             outcome = (
-                _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
+                _compare_with_event(scene, substep, state, law_state, scratch, story, event)
                 if ends_at_event
                 else _BEYOND_EVENT
             )
@@ -496,7 +496,7 @@ def _change_exceeded_branches(scene, memory):
 
 
 @outlined
-def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event):
+def _compare_with_event(scene, h, state, law_state, scratch, story, event):
     """Compare the drifts at the end of a substep with the branch change for which it was shortened.
 
     The tolerance of each story is _LOCATION_TOLERANCE times the length of the path of its drift in
@@ -512,6 +512,8 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     rate at the end still has the opposite sign, the next search locates a reversal at the end of
     the substep.
     """
+    linear_terms, _, _, _, flags = scene
+    has_fractures = FULL and flags[rows.CAN_FRACTURE] != 0.0
     outcome = 0.0
     for i in range(linear_terms.shape[1] - 1):
         drift = story_value(linear_terms, scratch, momentum.U1, i)
@@ -522,7 +524,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
             abs(story_value(linear_terms, scratch, momentum.V1, i)),
         )
         tolerance = _LOCATION_TOLERANCE * max(path_length, abs(drift_change))
-        if FULL and not law_state[rows.SLOPE, i] < math.inf:
+        if has_fractures and not law_state[rows.SLOPE, i] < math.inf:
             tolerance = _FRACTURE_LOCATION * abs(drift)
         # A story with a net movement against its branch has a reversal in the substep.
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
