@@ -123,7 +123,7 @@ GROUND = (
 def ground_table(record: Record) -> Table:
     """Return acceleration, velocity and displacement of a record at its samples."""
     motion = integrate(record)
-    attributes = {"dt": record.dt, "acceleration": record.acceleration} | motion._asdict()
+    attributes = {"time": record.time, "acceleration": record.acceleration} | motion._asdict()
     return Table.of_results(GROUND, [SimpleNamespace(**attributes)])
 
 
