@@ -241,3 +241,44 @@ def test_selection_omits_unusable_files(columns, tdint):
     assert len(rows(result.stdout)) == 3
     assert "damaged_N.txt" in result.stderr
     assert "8 of 9 files used" in result.stderr
+
+
+def test_one_file_and_unknown_keys(columns, tdint):
+    (columns / "one.yaml").write_text("files: a.dat\nstep: 0.02\nunits: g\n")
+    assert factors(tdint("scale", "one.yaml", *PGA)) == RIGHT[:1]
+    (columns / "key.yaml").write_text("records: [a.dat]\nunits: g\n")
+    message = tdint("info", "key.yaml", code=3).stderr
+    assert "records: unknown key; known: files" in message
+
+
+@pytest.mark.parametrize("name", ["a\tb.dat", "a\nb.dat"])
+def test_description_that_cannot_be_read_is_not_written(columns, tdint, name):
+    (columns / name).write_text((columns / "a.dat").read_text())
+    options = ("--step", "0.02", "--units", "g", "--export", "new.yaml")
+    result = tdint("info", name, *options, code=2)
+    assert "a description of records cannot contain" in result.stderr
+    assert not (columns / "new.yaml").exists()
+
+
+def test_brackets_in_the_name_of_a_directory(columns, tdint):
+    folder = columns / "set [2024]"
+    folder.mkdir()
+    for name in ("a.dat", "b.dat"):
+        (folder / name).write_text((columns / name).read_text())
+    options = ("--step", "0.02", "--units", "g")
+    read = tdint("info", "set [2024]/*.dat", *options)
+    assert [row["record"] for row in rows(read.stdout)] == ["set [2024]/a.dat", "set [2024]/b.dat"]
+    tdint("info", "set [2024]/*.dat", *options, "--export", "new.yaml")
+    assert tdint("info", "new.yaml").stdout == read.stdout
+    tdint("info", "set [2024]/*.dat", "--step", "0.02", "--units", "set [2024]/*.dat=g")
+    assert "file not found" in tdint("info", "set [2024]/c.dat", *options, code=4).stderr
+
+
+def test_units_of_some_files_are_asked_for_by_file(folder, tdint):
+    (folder / "set").mkdir()
+    values = column(accelerogram(400, 0.2, 1))
+    (folder / "set" / "a.txt").write_text(f"# dt = 0.02, units = g\n{values}")
+    (folder / "set" / "b.txt").write_text(f"# dt = 0.02\n{values}")
+    example = tdint("info", "set", code=4).stderr.rpartition("For example: ")[2]
+    assert "--units b.txt=g" in example
+    tdint(*shlex.split(example)[1:], code=0)

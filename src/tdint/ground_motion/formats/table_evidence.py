@@ -160,6 +160,8 @@ def transposed(lines: Lines) -> Lines | None:
     start = lines.number
     texts = lines.remaining()
     lines.back_to(start)
+    if len(texts) > 5 * (_MAX_TITLE_LINES + _MAX_LONG_LINES):  # also blank lines
+        return None
     filled = [index for index, text in enumerate(texts) if text.strip()]
     first = next((index for index in filled if len(texts[index]) > 2 * _MIN_LONG), len(texts))
     if not 2 <= len([i for i in filled if i >= first]) <= _MAX_LONG_LINES or (

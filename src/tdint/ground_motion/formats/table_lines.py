@@ -13,13 +13,13 @@ its position:
 from __future__ import annotations
 
 import re
-from array import array
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import date
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,8 @@ class NumberBlock:
 
     def part(self, start: int, end: int | None = None) -> NumberBlock:
         """Return the lines from index `start` up to index `end`."""
+        if not start and end is None:
+            return self
         return NumberBlock(
             self.above,
             self.lines[start:end],
@@ -94,6 +96,8 @@ class Numbers:
     @property
     def width(self) -> int:
         """Most frequent number of values per line."""
+        if np.all(self.widths == self.widths[0]):
+            return int(self.widths[0])
         return int(Counter(self.widths.tolist()).most_common(1)[0][0])
 
     @property
@@ -150,6 +154,8 @@ class TableText:
     @property
     def main(self) -> int:
         """Index of the first block that is about as large as the largest block."""
+        if len(self.blocks) == 1:
+            return 0
         largest = max(block.characters for block in self.blocks)
         return next(
             index
@@ -171,6 +177,13 @@ def table_text(lines: Lines) -> TableText:
     block: NumberBlock | None = None
     is_after_blank = False
     for number, text in enumerate(texts, start=first):
+        if block is not None and len(block.lines) == _FIRST_LINES and not is_after_blank:
+            # The remaining lines of most files are rows in the usual form, without text.
+            rest = texts[number - first :]
+            if _are_plain_rows(rest):
+                block.lines += rest
+                block.line_numbers += range(number, number + len(rest))
+                break
         line = text.rstrip(_BLANKS)
         if not line:
             is_after_blank = True
@@ -196,6 +209,17 @@ def table_text(lines: Lines) -> TableText:
             above.append(line[:_MAX_HEADER_LINE])
         is_after_blank = False
     return TableText(blocks, above, ignored)
+
+
+_PLAIN_ROWS = re.compile(r"[-+.,;\t\dEeDd \n]*")
+_OTHER_LINE = re.compile(r"\n[^\d\n]*\n|[,;\t ]\n")
+"""Line without a digit, or end of a line with a separator."""
+
+
+def _are_plain_rows(lines: Sequence[str]) -> bool:
+    """Return True if all lines are rows of numbers that need no change."""
+    text = "\n".join(["", *lines, ""])
+    return bool(_PLAIN_ROWS.fullmatch(text)) and not _OTHER_LINE.search(text)
 
 
 def _is_row(line: str) -> bool:
@@ -253,9 +277,9 @@ def _without_text_columns(texts: list[str]) -> tuple[list[str], frozenset[int]]:
 
     Lines without such cells are unchanged, and also all lines if the table has no text columns.
     """
-    filled = [text for text in texts if text.strip(_BLANKS)]
     # A table of numbers has more rows than other lines; its lines are not examined further.
-    sample = filled[-_CELLS_PER_SAMPLE:]
+    filled = (text for text in reversed(texts) if text.strip(_BLANKS))
+    sample = [*islice(filled, _CELLS_PER_SAMPLE)][::-1]
     rows = [row for row in map(split_cells, sample) if len(row) > 1]
     if 2 * sum(_is_plain_row(text) for text in sample) >= len(sample) or not rows:
         return texts, frozenset()
@@ -347,13 +371,16 @@ def block_numbers(block: NumberBlock) -> Numbers:
     RecordError
         A cell is empty, or a line cannot be separated into numbers.
     """
-    # Most files need only float(), which is fast.
-    lines = _with_blanks(block.lines)
-    joined = " ".join(lines)
-    if _PLAIN.fullmatch(joined):
-        with suppress(ValueError):
-            values = np.array(array("d", map(float, joined.split())))
-            return Numbers(values, np.array([len(line.split()) for line in lines]))
+    # Most files contain only numbers that NumPy reads; it would also accept nan and numbers without
+    # a separator, which changes their count.
+    text = _with_blanks(block.lines)
+    if _PLAIN.fullmatch(text):
+        widths = _words_per_line(text)
+        with warnings.catch_warnings(), suppress(DeprecationWarning, ValueError):
+            warnings.simplefilter("error", DeprecationWarning)
+            values = np.fromstring(text, sep=" ")
+            if values.size == np.sum(widths):
+                return Numbers(values, widths)
     rows = [_row(line) for line in block.lines]
     if not all(rows) and (width := _field_width(block.lines)):
         # Numbers that fill their fields follow each other without a blank.
@@ -372,9 +399,20 @@ def block_numbers(block: NumberBlock) -> Numbers:
     return Numbers(values, np.array(list(map(len, rows))))
 
 
-def _with_blanks(lines: list[str]) -> list[str]:
-    """Return rows with blanks in place of separators and points in place of decimal commas; the
-    rows are unchanged if a cell is empty."""
+def _words_per_line(text: str) -> NDArray[np.int64]:
+    """Return the number of words in each line of an ASCII text."""
+    codes = np.frombuffer(text.encode("ascii"), np.uint8)
+    is_blank = codes <= ord(" ")
+    starts = ~is_blank
+    starts[1:] &= is_blank[:-1]
+    line_starts = np.concatenate(([0], np.flatnonzero(codes == ord("\n")) + 1))
+    # A blank line has no word; no block contains one.
+    return np.add.reduceat(starts, line_starts, dtype=np.int64)
+
+
+def _with_blanks(lines: list[str]) -> str:
+    """Return the text of rows with blanks in place of separators and points in place of decimal
+    commas; separators and commas remain if a cell is empty."""
     joined = "\n".join(lines)
     marks = [mark for mark in _SEPARATORS if mark in joined]
     if "D" in joined:
@@ -382,16 +420,16 @@ def _with_blanks(lines: list[str]) -> list[str]:
     if "\t" in marks:
         # Several tabs separate two cells if all rows have the same number of cells.
         if "\t\t" in joined and len({len(line.split()) for line in lines}) > 1:
-            return lines
+            return joined
         joined = joined.replace("\t", " ")
     if ";" in marks or ("," in marks and "\t" not in marks):
         if re.search(r"[,;][^\S\n]*[,;\n]|^[^\S\n]*[,;]", joined, re.MULTILINE):
-            return lines
+            return joined
         joined = joined.replace(";", " ")
     if "," in marks:
         # If the separator is a semicolon or a tab, a comma is a decimal point.
         joined = joined.replace(",", "." if len(marks) > 1 else " ")
-    return joined.split("\n")
+    return joined
 
 
 def _row(line: str, width: int | None = None) -> list[float]:

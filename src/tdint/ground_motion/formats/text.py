@@ -528,7 +528,7 @@ def _check_decimal_points(block: NumberBlock, numbers: Numbers, skipped: int) ->
     number of decimals: the point is lost. Zero may be written without a point. The first `skipped`
     numbers of each line are not samples."""
     lines, values = numbers.sizes
-    points = sum(line.count(".") for line in block.lines)
+    points = "\n".join(block.lines).count(".")
     if points == values - skipped * lines or values < _MIN_VALUES:
         return
     rows = [_SEPARATORS.split(line.strip(" \t,;"))[skipped:] for line in block.lines]
