@@ -449,10 +449,10 @@ def _lines_above_times(numbers: Numbers, width: int) -> int:
         rest = numbers.values[ends[used] :]
         # A single shorter line is reported as an irregular line.
         is_short = used == 1 and numbers.widths[0] != width
-        if np.all(numbers.widths[used:] == width) and are_times(rest[::width]) and not is_short:
+        if np.all(numbers.widths[used:] == width) and are_times(rest[::width]):
             with suppress(RecordError):
                 equal_steps(rest[::width])
-                return used
+                return 0 if is_short else used
     return 0
 
 
