@@ -342,7 +342,6 @@ NAMED_ELSEWHERE = {
     "models with a law": {
         "src/tdint/assessment/failures/failures.py": "gauss4 polynomial tanh",
         "src/tdint/assessment/order/order.py": "bilinear linear polynomial",
-        "src/tdint/response/runs/compiled_steps.py": "linear",
         "src/tdint/methods/step_check.py": "bilinear linear peak-oriented tanh",
         "src/tdint/model/capacity.py": "multilinear-pinching",
         "src/tdint/model/mdof_lu.py": "trilinear-pinching",

@@ -258,7 +258,7 @@ class CsvTable:
         )
 
 
-class Header(NamedTuple):
+class TableHeader(NamedTuple):
     """Header of a table: number of its line, separator of the cells, and names of the columns."""
 
     line: int
@@ -266,7 +266,7 @@ class Header(NamedTuple):
     titles: list[str]
 
 
-FindHeader = Callable[[Sequence[str]], Header | None]
+FindHeader = Callable[[Sequence[str]], TableHeader | None]
 """Function of the lines of a file that returns its header, or None if it finds none."""
 
 
@@ -453,7 +453,7 @@ def stream_table(
     # A pipe cannot be read again, but its digest and its rows are both needed. Therefore its
     # complete content is read into memory first.
     mark, digest = ",", ""
-    found: Header | None = None
+    found: TableHeader | None = None
     if read_first or source == STDIN or not is_file(source):
         data = _read_bytes(source, needs, error)
         lines = (line.decode("utf-8", "replace") for line in io.BytesIO(data))

@@ -12,8 +12,9 @@ from tdint.arrays import cached_property
 from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, RayleighRatio
+from tdint.model.model_notes import model_notes
 from tdint.model.modes import FreeVibration
-from tdint.model.plausibility import model_notes, negative_damping
+from tdint.model.plausibility import negative_damping
 from tdint.response.arguments import model_of
 
 

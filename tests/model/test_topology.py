@@ -15,7 +15,7 @@ from tdint.kernels.stepping import Factors
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.damping import rayleigh
-from tdint.model.plausibility import model_notes
+from tdint.model.model_notes import model_notes
 from tdint.model.topology import incidence, springs_of
 from tdint.response.overview import overview
 from tdint.response.runs.prepared import PreparedBuilding

@@ -113,7 +113,7 @@ def command(
                 waiting_files.extendleft(reversed(models_of_campaign))
         except (ModelError, RecordError) as error:
             failures.append(error)
-    from tdint.model.plausibility import model_notes
+    from tdint.model.model_notes import model_notes
 
     for valid in overviews:
         note(*(f"{valid.model.source}: {text}" for text in model_notes(valid.model)))

@@ -24,7 +24,7 @@ from tdint.model.building import (
     unstable_after_yield,
     yield_strength,
 )
-from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.definition import Model, RayleighCoefficients, RayleighRatio
 from tdint.model.story import Story
 from tdint.model.story_laws import LAWS
 from tdint.number_parsing import abbreviate, pluralize
@@ -912,45 +912,3 @@ def unusual(usual_range: UsualRange, values: Mapping[str, float]) -> list[str]:
     if not unusual_texts:
         return []
     return [usual_range.warning(abbreviate(unusual_texts, _MAX_LISTED))]
-
-
-def model_notes(model: Model) -> list[str]:
-    """Return notes on a model: the reason for a suppressed plausibility check, and the modes to
-    which the last of several modal damping ratios applies."""
-    notes = []
-    if model.plausibility_off:
-        notes.append(f"plausibility warnings are not shown: {model.plausibility_off}")
-    if massless := [
-        i
-        for i, story in enumerate(model.stories)
-        if model.matrices is not None and story.mass == 0.0
-    ]:
-        names = [model.rows[i] if model.rows else f"floor {i + 1}" for i in massless]
-        damping = model.matrices.damping if model.matrices is not None else ()
-        is_damped = any(np.any(damping[i]) for i in massless) if len(damping) else False
-        how = "with their dashpots" if is_damped else "statically"
-        notes.append(
-            f"without mass: {abbreviate(names, _MAX_LISTED)}; the displacements follow the "
-            f"other floors {how}"
-        )
-    if model.initial.moves and (
-        followers := [
-            item.name
-            for i, item in enumerate(model.attachments)
-            if not model.initial.attachments or all(map(math.isnan, model.initial.attachments[i]))
-        ]
-    ):
-        notes.append(
-            f"start with the motion of their floors: {abbreviate(followers, _MAX_LISTED)} "
-            "(`initial: {attachments: ...}` states another motion)"
-        )
-    if isinstance(model.damping, ModalDamping):
-        ratios, count = model.damping.ratios, len(model.stories)
-        if 1 < len(ratios) < count and ratios[-1] > 0.0:
-            first = len(ratios) + 1
-            modes = f"modes {first} to {count}" if first < count else f"mode {count}"
-            notes.append(
-                f"the last of {len(ratios)} modal damping ratios, {100.0 * ratios[-1]:g} %, "
-                f"applies to {modes}, too"
-            )
-    return notes

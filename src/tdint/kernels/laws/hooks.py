@@ -15,6 +15,7 @@ from tdint.kernels.compiling import inline
 from tdint.kernels.laws.branch_following import add_work
 from tdint.kernels.laws.law import DriftLaw
 
+# Bits of the properties of a law (`properties`)
 CURVED = 1
 STORES_BRANCH = 2
 DISSIPATES = 4

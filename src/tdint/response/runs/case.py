@@ -24,12 +24,12 @@ from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
 from tdint.model.building import Building, stiffens
 from tdint.model.definition import Model
+from tdint.model.model_notes import model_notes
 from tdint.model.plausibility import (
     DUCTILITY,
     PEAK_DRIFT,
     RESIDUAL_DRIFT,
     long_step,
-    model_notes,
     negative_damping,
     plausibility_warnings,
     unusual_stories,

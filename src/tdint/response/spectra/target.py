@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tdint.arrays import Array
-from tdint.csv_table import CsvTable, Header, read_table
+from tdint.csv_table import CsvTable, TableHeader, read_table
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.files import read_whole, record_digest
 from tdint.ground_motion.formats.table_columns import (
@@ -600,7 +600,7 @@ def spectral_name(title: str) -> tuple[str, str]:
     return next(found, ""), unit
 
 
-def find_spectrum_header(lines: Sequence[str]) -> Header | None:
+def find_spectrum_header(lines: Sequence[str]) -> TableHeader | None:
     """Return the line of the names in the first lines of a spectrum, which titles may precede and
     a line of units may follow; None if the lines name no period and no ordinate.
 
@@ -617,7 +617,7 @@ def find_spectrum_header(lines: Sequence[str]) -> Header | None:
         meanings = {spectral_name(name.text)[0] for name in names}
         if "period" in meanings and meanings & set(QUANTITIES):
             units = with_units(names, below[0], mark) if below else ()
-            return Header(number + bool(units), mark, [name.text for name in units or names])
+            return TableHeader(number + bool(units), mark, [name.text for name in units or names])
     return None
 
 
