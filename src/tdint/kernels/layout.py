@@ -177,9 +177,13 @@ PEAK_FORCE = FAILED_INTERNAL + 1  # maximum absolute force, N
 # Dissipated energy since the start, J, when energies were last summed
 ENERGY_SPENT = FAILED_INTERNAL + 2
 INITIAL_SPENT = FAILED_INTERNAL + 3  # dissipated energy up to the initial drift, J
+# Time of the fracture (s), and peak drift of the story up to it (m) with the sign of its side; 0
+# without a fracture
+FRACTURE_TIME = FAILED_INTERNAL + 4
+FRACTURE_DRIFT = FAILED_INTERNAL + 5
 # First extra row, for laws that need more rows: one block for each block of the states, in the same
 # order
-EXTRA_ROWS = FAILED_INTERNAL + 4
+EXTRA_ROWS = FAILED_INTERNAL + 6
 
 # state: memory of the method, by floor
 DISPLACEMENT = 0  # relative to the ground, m
@@ -403,7 +407,7 @@ HAS_TANGENT_DAMPING = 9  # 1 if a story has Rayleigh damping with the tangent st
 # the middle as a fraction of the step
 MEAN_WEIGHT = 10
 MEAN_DISTANCE = 11
-CAN_FRACTURE = 12  # 1 if a law can fracture and block STEP_START is kept
+CAN_FRACTURE = 12  # 1 if a law can fracture and block STEP_START is kept, -1 if it is not kept
 # 1 if a story has a damper with a brace or tangent damping: the state has ADDED_STATE_ROWS
 HAS_DAMPER_STATE = 13
 FLAGS_SIZE = 14

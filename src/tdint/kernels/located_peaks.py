@@ -53,7 +53,7 @@ def raise_located_peaks(scene, span, passage, law_state, previous, located):
             if s > 0.0 and s != last:
                 _raise_peaks_at(scene, span, passage, law_state, previous, s, located)
                 last = s
-    if FULL and scene.flags[rows.CAN_FRACTURE] != 0.0:
+    if FULL and scene.flags[rows.CAN_FRACTURE] > 0.0:
         for i in range(n):
             _raise_peaks_before_fracture(scene, span, passage, law_state, i, located)
 

@@ -344,7 +344,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     searched_in_parts = span.kinked and not span.cornered
     located_count = 0
-    if scene.flags[rows.CAN_FRACTURE] != 0.0:
+    if scene.flags[rows.CAN_FRACTURE] > 0.0:
         located_count += has_fractured(scene.law_parameters, law_state)
     if has_dashpots and not searched_in_parts:
         _raise_rate_peaks(span, linear_terms, passage, law_state, peaks, first_peak)

@@ -129,7 +129,8 @@ def workspace(
     # step. A curved hysteretic law reloads on another curve and needs the state at the start.
     follows_branches = building.piecewise_linear and family.step_peaks
     flags[rows.KEEPS_START] = building.kinked and not follows_branches
-    flags[rows.CAN_FRACTURE] = flags[rows.KEEPS_START] and building.can_fracture
+    if building.can_fracture:
+        flags[rows.CAN_FRACTURE] = 1.0 if flags[rows.KEEPS_START] else -1.0
     width = history_width(building)
     if row_count:
         # The complete history and its results are in memory simultaneously.

@@ -13,7 +13,7 @@ from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, Ra
 from tdint.model.limits import QUANTITIES
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.output.tables import devices, matrices
-from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR, element_table
+from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR, FRACTURE, element_table
 from tdint.output.tables.loads import LOAD_COLUMNS, load_table
 from tdint.output.verdicts import limits_summary
 from tdint.response.runs.demands import DEMANDS, only
@@ -284,6 +284,8 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     columns: list[Column] = []
     if "elements" in content:
         columns += (*ELEMENT_COLUMNS, *ELEMENT_ERROR)
+    if content.keys() & {"elements", "attachments", "links"}:
+        columns += FRACTURE
     if content.keys() & {"attachments", "links"}:
         columns += devices.COLUMNS
     if content.keys() & {"rows", "flexure"}:

@@ -23,7 +23,7 @@ _FRACTURED = 1e6
 """Value of row INTERNAL after the fracture of a law that cannot fail otherwise; larger than any
 value that a law stores there."""
 
-_AT_LIMIT = 1e-6
+AT_LIMIT = 1e-6
 """Fraction of the drift of the fracture. A branch that ends within this distance has reached it. A
 path that ends within this distance beyond it has not yet fractured: a step that ends at a located
 fracture needs the force before it, although the location has a small error."""
@@ -140,7 +140,7 @@ def _functions(law: DriftLaw, fractured: float) -> LawFunctions:
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Follow the law, unless it is or becomes fractured; return the tangent stiffness."""
-        center = drift / (1.0 + _AT_LIMIT)
+        center = drift / (1.0 + AT_LIMIT)
         is_intact = (center <= high_limit(law_parameters, i)) & (
             center >= low_limit(law_parameters, i)
         )
@@ -207,11 +207,11 @@ def _functions(law: DriftLaw, fractured: float) -> LawFunctions:
         is_at_limit = (
             (event == rows.ABOVE)
             & (law_state[block + rows.UPPER, i] == high)
-            & (drift >= (1.0 - _AT_LIMIT) * high)
+            & (drift >= (1.0 - AT_LIMIT) * high)
         ) | (
             (event == rows.BELOW)
             & (law_state[block + rows.LOWER, i] == low)
-            & (drift <= (1.0 - _AT_LIMIT) * low)
+            & (drift <= (1.0 - AT_LIMIT) * low)
         )
         if is_at_limit:
             fracture(law_parameters, law_state, i, block)

@@ -25,7 +25,7 @@ from tdint.kernels.laws.branch_following import (
     copy_state,
     extra_rows,
 )
-from tdint.kernels.laws.fracture import FRACTURING
+from tdint.kernels.laws.fracture import AT_LIMIT, FRACTURING
 from tdint.kernels.laws.selection import (
     accumulate_dissipation_of_law,
     advance_rows,
@@ -452,6 +452,20 @@ def has_fractured(law_parameters, law_state):
         if drift_of_fracture(law_parameters, law_state, column) != 0.0:
             return True
     return False
+
+
+@outlined
+def is_new_fracture(law_parameters, law_state, i, column):
+    """Return True if the law in a column of story `i` has fractured and its fracture is not stored
+    yet."""
+    drift = law_state[rows.DRIFT, i]
+    row = rows.FRACTURE_HIGH if drift > 0.0 else rows.FRACTURE_LOW
+    return (
+        law_parameters[rows.CODE, column] % 1.0 == FRACTURING
+        and law_state[rows.INTERNAL, column] == law_state[rows.FAILED_INTERNAL, column]
+        and law_state[rows.FRACTURE_DRIFT, column] == 0.0
+        and abs(drift) >= (1.0 - 2.0 * AT_LIMIT) * abs(law_parameters[row, column])
+    )
 
 
 @inline

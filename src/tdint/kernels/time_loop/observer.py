@@ -47,6 +47,7 @@ from tdint.kernels.peaks_between_steps import (
     element_force,
     find_interstep_peaks,
     floor_ends,
+    instant_before,
     is_near_rest,
     limit_stiffness,
     may_exceed_acceleration_peak,
@@ -62,8 +63,10 @@ from tdint.kernels.peaks_between_steps import (
 from tdint.kernels.step_interpolant import acceleration_bulge
 from tdint.kernels.stepping import Ends, Located
 from tdint.kernels.stories.law_state import (
+    columns_of_story,
     has_fractured,
     hysteretic_energy,
+    is_new_fracture,
     start,
     step_start,
     strain_energy,
@@ -297,13 +300,36 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= _observe_dashpots(span, linear_terms, memory, seen)
     if FULL and law_state.shape[1] > n + 1:
         may_exceed |= _observe_elements(span, scene, memory, seen)
-    if flags[rows.CAN_FRACTURE] != 0.0:
-        may_exceed |= has_fractured(law_parameters, law_state)
+    if FULL and flags[rows.CAN_FRACTURE] != 0.0:
+        if flags[rows.CAN_FRACTURE] > 0.0:
+            may_exceed |= has_fractured(law_parameters, law_state)
+        _record_fractures(scene, span, memory, seen)
     if FULL and flags[rows.HAS_DAMPER_STATE] != 0.0:
         _observe_braces(linear_terms, state, seen)
     if may_exceed:
         _update_peaks(ground, state, law_state, seen)
     return may_exceed
+
+
+@outlined
+def _record_fractures(scene, span, memory, seen):
+    """Store time and side of the fractures in the step. The largest drift up to a fracture is the
+    drift of the fracture, or an earlier peak on the other side."""
+    linear_terms, law_parameters, law_state = (
+        scene.linear_terms,
+        scene.law_parameters,
+        memory.law_state,
+    )
+    for i in range(linear_terms.shape[1] - 1):
+        for column in columns_of_story(law_parameters, i):
+            if is_new_fracture(law_parameters, law_state, i, column):
+                story = _story_ends(linear_terms, memory, seen.observer_state, i)
+                row = rows.FRACTURE_HIGH if story.u1 > 0.0 else rows.FRACTURE_LOW
+                limit = law_parameters[row, column]
+                s = instant_before(span.h, story, limit) if abs(limit) < abs(story.u1) else 1.0
+                size = max(abs(limit), seen.peaks[rows.PEAK_DRIFT, i])
+                law_state[rows.FRACTURE_TIME, column] = span.t - (1.0 - s) * span.h
+                law_state[rows.FRACTURE_DRIFT, column] = math.copysign(size, limit)
 
 
 @inline

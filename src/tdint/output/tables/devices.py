@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from tdint.model.definition import Attachment, Link
+from tdint.output.tables.elements import FRACTURE
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows
 from tdint.response.runs.contacts import LinkContact
+from tdint.response.runs.elements import fracture_sides
 from tdint.response.runs.history import DeviceHistory, History
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.units import OutputUnits, quantities
@@ -137,13 +140,27 @@ def device_tables(response: Response) -> tuple[Table | None, Table | None]:
     if devices is None:
         return None, None
     has_errors = devices.errors is not None
-    attachments, links = (
-        Table.of((*columns, *(errors if has_errors else ())), rows) if rows else None
-        for (columns, errors), rows in zip(
-            TABLES, device_rows(response.model, devices), strict=True
-        )
-    )
-    return attachments, links
+    model, count = response.model, len(response.model.attachments)
+    parts = slice(count), slice(count, None)
+    results: list[Table | None] = []
+    for (columns, errors), table_rows, part in zip(
+        TABLES, device_rows(model, devices), parts, strict=True
+    ):
+        columns = (*columns, *(errors if has_errors else ()))
+        if any(any(item.spring.law.fracture) for item in model.devices[part]):
+            columns = (*columns, *FRACTURE)
+            fractures = _fracture_cells(devices)[part]
+            table_rows = [(*row, *more) for row, more in zip(table_rows, fractures, strict=True)]
+        results.append(Table.of(columns, table_rows) if table_rows else None)
+    return results[0], results[1]
+
+
+def _fracture_cells(devices: DevicePeaks) -> list[tuple[Cell, ...]]:
+    """Return time and side of the fracture of each attachment and link; empty without one."""
+    if devices.fracture_time is None or devices.fracture_drift is None:
+        return [(math.nan, "")] * len(devices.stories.peak_drift)
+    sides = fracture_sides(devices.fracture_drift).tolist()
+    return list(zip(devices.fracture_time.tolist(), sides, strict=True))
 
 
 def contact_table(response: Response) -> Table | None:

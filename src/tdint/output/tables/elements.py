@@ -22,6 +22,11 @@ ELEMENT_COLUMNS: tuple[Column, ...] = (
     Column.of_quantity(_ELEMENT["ductility"]),
 )
 """Columns of elements.csv: the elements of stories with several elements."""
+FRACTURE = (
+    Column.named("fracture_time", "time of the fracture; empty without a fracture", "s"),
+    Column.named("fracture_side", "side of the fracture, positive or negative", TEXT),
+)
+"""Additional columns of the tables of elements, attachments and links that can fracture."""
 ELEMENT_ERROR = error_columns(Column.of_quantity(quantity) for quantity in _ELEMENT.values())
 
 
@@ -31,4 +36,8 @@ def element_table(response: Response) -> Table | None:
     if response.elements is None:
         return None
     errors = response.check.elements if response.check else None
-    return Table.joined((ELEMENT_COLUMNS, response.elements), (ELEMENT_ERROR, errors))
+    can_fracture = any(
+        any(element.law.fracture) for story in response.model.stories for element in story.elements
+    )
+    columns = (*ELEMENT_COLUMNS, *(FRACTURE if can_fracture else ()))
+    return Table.joined((columns, response.elements), (ELEMENT_ERROR, errors))

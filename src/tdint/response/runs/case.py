@@ -50,6 +50,7 @@ from tdint.response.runs.outcome import (
     NOT_CONVERGED,
     UNSTABLE,
     Collapse,
+    DevicePeaks,
     FailedRun,
     Response,
     StoryPeaks,
@@ -67,6 +68,7 @@ from tdint.response.time_steps import Steps, choose_steps, moves_without_record,
 from tdint.tabular import Described
 
 if TYPE_CHECKING:
+    from tdint.response.runs.elements import ElementPeaks
     from tdint.response.runs.history import History
 
 _LARGE_IMBALANCE = 0.01
@@ -624,6 +626,8 @@ class Case(Described):
             results = element_results(space.law_state, self.building.stories)
             elements = element_peaks(self.model, results, stories.peak_drift)
         late = 0.0 if result.completed > steps.count else steps.late
+        devices = device_peaks(self.building, space, steps.late)
+        warnings = (*warnings, *_fracture_warnings(self.model, elements, devices))
         bound = interstep_peak_errors(self.building, space, late, slice(self.building.floors))
         oscillation = residual_oscillation(self.building, space)
         response = Response(
@@ -650,7 +654,7 @@ class Case(Described):
             record_rows=record_steps(steps, self.record.duration if self.record else None) + 1,
             notes=(),
             interstep_bound=bound,
-            devices=device_peaks(self.building, space, steps.late),
+            devices=devices,
             flexure=flexure,
             residual_oscillation=oscillation[: self.building.floors],
             collapse=collapse,
@@ -819,6 +823,29 @@ class Case(Described):
             f"stiffer than initially, which is possible for story {stories[0]}: check with a "
             "smaller step",
         )
+
+
+def _fracture_warnings(
+    model: Model, elements: ElementPeaks | None, devices: DevicePeaks | None
+) -> list[str]:
+    """Return a warning for each element, attachment or link that has fractured."""
+    fractures = []
+    if elements is not None:
+        for i in np.flatnonzero(elements.fracture_side != ""):
+            name = f"story {elements.story[i]}: element {elements.element[i]}"
+            fractures.append((name, elements.fracture_time[i], elements.fracture_side[i]))
+    if devices is not None and devices.fracture_time is not None:
+        assert devices.fracture_drift is not None
+        for i in np.flatnonzero(devices.fracture_drift):
+            kind = "attachment" if i < len(model.attachments) else "link"
+            side = "positive" if devices.fracture_drift[i] > 0.0 else "negative"
+            name = f"{kind} {model.devices[i].name}"
+            fractures.append((name, devices.fracture_time[i], side))
+    return [
+        f"{name} fractured at {time:.4g} s on the {side} side; its ductility is that up to the "
+        "fracture"
+        for name, time, side in fractures
+    ]
 
 
 def _interstep_warnings(response: Response) -> list[str]:

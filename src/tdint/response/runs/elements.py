@@ -45,23 +45,34 @@ class ElementPeaks(WithTable, ElementValues):
     dissipated_energy : ndarray
         Energies dissipated since the start, J.
     ductility : ndarray
-        Peak drift of the story divided by the yield drift of the element; nan for an element that
-        does not yield.
+        Peak drift of the story, up to the fracture of the element, divided by the yield drift of
+        the element; nan for an element that does not yield.
     story : ndarray of int
         Numbers of the stories, from 1.
     element, law : ndarray of str
         Names of the elements and of their laws.
     yield_drift : ndarray
         Drifts at first yield, m; nan for an element that does not yield.
+    fracture_time : ndarray
+        Times of the fractures, s; nan for an element that has not fractured.
+    fracture_side : ndarray of str
+        `positive` or `negative`; empty for an element that has not fractured.
     """
 
     story: NDArray[np.int64]
     element: NDArray[np.str_]
     law: NDArray[np.str_]
     yield_drift: Array
+    fracture_time: Array
+    fracture_side: NDArray[np.str_]
 
     def _headline(self) -> str:
         return f"of {pluralize(len(self.element), 'element')}"
+
+
+def fracture_sides(drift: Array) -> NDArray[np.str_]:
+    """Return the sides of fractures at drifts; empty texts where the drift is 0."""
+    return np.asarray(np.array(["", "positive", "negative"])[np.sign(drift).astype(int)])
 
 
 def element_peaks(model: Model, results: Array, peak_drift: Array) -> ElementPeaks | None:
@@ -74,15 +85,18 @@ def element_peaks(model: Model, results: Array, peak_drift: Array) -> ElementPea
         return None
     yield_drift = np.array([element_yield_drifts(story)[j] for _, story, j in elements])
     indices = np.array([i for i, _, _ in elements])
-    peak_force, energy = results.copy()
+    peak_force, energy, fracture_time, fracture_drift = results.copy()
     # The difference of work and stored energy of an elastic element is a rounding error.
     energy[np.abs(energy) <= _ROUNDING * peak_force * peak_drift[indices]] = 0.0
     return ElementPeaks(
         peak_force=peak_force,
         dissipated_energy=energy,
-        ductility=peak_drift[indices] / yield_drift,
+        ductility=np.where(fracture_drift, np.abs(fracture_drift), peak_drift[indices])
+        / yield_drift,
         story=indices + 1,
         element=np.array([story.elements[j].name for _, story, j in elements]),
         law=np.array([story.elements[j].law.name for _, story, j in elements]),
         yield_drift=yield_drift,
+        fracture_time=np.where(fracture_drift, fracture_time, np.nan),
+        fracture_side=fracture_sides(fracture_drift),
     )

@@ -51,7 +51,19 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
         return None
     peaks = device_columns(building, all_peaks(building, space))
     bounds = interstep_peak_errors(building, space, late, building.device_columns)
-    return DevicePeaks(peaks, device_energy(building, space), bounds)
+    result = DevicePeaks(peaks, device_energy(building, space), bounds)
+    times, drifts = space.law_state[
+        [rows.FRACTURE_TIME, rows.FRACTURE_DRIFT], building.device_columns
+    ]
+    if not drifts.any():
+        return result
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(drifts, np.abs(drifts) / peaks.peak_drift, 1.0)
+    return result._replace(
+        stories=replace(peaks, ductility=peaks.ductility * shares),
+        fracture_time=np.where(drifts, times, np.nan),
+        fracture_drift=drifts * building.device_signs,
+    )
 
 
 def device_columns(building: Building, peaks: StoryPeaks) -> StoryPeaks:

@@ -358,6 +358,9 @@ class DevicePeaks(NamedTuple):
         Estimated errors.
     dissipated_energy_error : ndarray | None
         Estimated errors of the dissipated energies, J.
+    fracture_time, fracture_drift : ndarray | None
+        Times (s; nan without a fracture) and peak deformations up to it with the sign of its side
+        (m; 0 without); None if no spring has fractured. Ductilities end at the fracture.
     """
 
     stories: StoryPeaks
@@ -365,6 +368,8 @@ class DevicePeaks(NamedTuple):
     interstep_bound: StoryErrors | None = None
     errors: StoryErrors | None = None
     dissipated_energy_error: Array | None = None
+    fracture_time: Array | None = None
+    fracture_drift: Array | None = None
 
     def demands(self, attachments: int) -> dict[str, Array]:
         """Return the demands of one run that limits apply to (`tdint.model.limits`), shape

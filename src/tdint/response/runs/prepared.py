@@ -153,17 +153,19 @@ class BatchResult(NamedTuple):
         """Return results of zeros for a number of runs of a building."""
         n, elements = building.stories, building.elements
         devices = len(building.attachments) + len(building.links)
-        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,), (2, elements), (devices,)
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,), (4, elements), (devices,)
         return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
 def element_results(law_state: Array, stories: int) -> Array:
-    """Return the maximum absolute force (N) and the dissipated energy (J) of the elements of
-    stories with several elements at the end of a run, shape (2, elements).
+    """Return the maximum absolute force (N), the dissipated energy (J), the time of the fracture
+    (s) and the peak drift up to it (m; 0 without a fracture) of the elements of stories with
+    several elements at the end of a run, shape (4, elements).
 
     `law_state` contains the law states of a building with `stories` stories.
     """
-    return law_state[[rows.PEAK_FORCE, rows.ENERGY_SPENT], stories + 1 :]
+    results = [rows.PEAK_FORCE, rows.ENERGY_SPENT, rows.FRACTURE_TIME, rows.FRACTURE_DRIFT]
+    return law_state[results, stories + 1 :]
 
 
 def device_energy(building: Building, space: Workspace) -> Array:
