@@ -403,8 +403,8 @@ _JOINTS = (
     "rotations r: K = Kff - Kfr Krr^-1 Krf"
 )
 _CONTROL = (
-    "control forces depend on the response; compute them in Python and pass them to each step of "
-    "`tdint.Stepper`"
+    "control forces depend on the response, which forces of a model file cannot; for a linear "
+    "building, integrate the state space of `tdint.matrices` in Python"
 )
 _CONTACT = (
     "write the second building as `attachments` with `floor: ground`, and the contact as a link "
