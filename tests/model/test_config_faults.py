@@ -238,8 +238,9 @@ bilinear
     stories[1].law.hardening: is missing; give a number above -1 and below 1
     stories[1].law.coefficients: unknown key; known: type, fracture_drift, yield_force, hardening, negative
 {type: polynomial, coefficients: [-3, x]}
-    stories[1].law: the initial stiffness of the polynomial law must be a positive number, got -3
     stories[1].law.coefficients[2]: must be a number, got 'x'
+{type: polynomial, coefficients: [-3, 1]}
+    stories[1].law: the initial stiffness of the polynomial law must be a positive number, got -3
 {type: polynomial, coefficients: [0]}, stiffness: 3
     stories[1].law: the initial stiffness of the polynomial law must be a positive number, got 0
 {type: polynomial, coefficients: [3, 1]}, stiffness: 3.1

@@ -214,7 +214,7 @@ def test_fill_in_has_columns_between_the_floors_of_long_links():
         ("attachments: [{floor: 1, mass: 1}]", "stiffness: is missing"),
         ("absorbers: []", "absorbers: unknown key; did you mean `attachments`?"),
         ("joints: []", r"`stiffness_matrix` of its floors, .*: K = Kff - Kfr Krr\^-1 Krf"),
-        ("controller: {}", "compute them in Python"),
+        ("controller: {}", "integrate the state space of `tdint.matrices` in Python"),
         ("contacts: []", "write the second building as `attachments` with `floor: ground`"),
         ("tmd: {}", "tmd: unknown key; did you mean `attachments`?"),
         ("braces: []", "braces: unknown key; did you mean `links`?"),

@@ -123,6 +123,8 @@ def test_method_table_lists_the_catalogue():
 def test_mode_table():
     modes = SimpleNamespace(
         omega=np.array([2 * math.pi, 4 * math.pi]),
+        period=np.array([1.0, 0.5]),
+        frequency=np.array([1.0, 2.0]),
         participation=np.array([1.2, -0.2]),
         mass_ratio=np.array([0.75, 0.25]),
     )

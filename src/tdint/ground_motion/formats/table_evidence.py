@@ -458,11 +458,7 @@ def _lines_above_times(numbers: Numbers, width: int) -> int:
 
 def _lines_above_samples(table: NDArray[np.float64]) -> int:
     """Return the number of first rows up to the last row that is as large as the peak of all rows
-    below it, and does not continue to the next row, in all columns; 0 if there is none.
-
-    Parameters
-    ----------
-    table : ndarray, shape (rows, columns)
+    below it, and does not continue to the next row, in all columns of a table; 0 if there is none.
     """
     for used in range(min(_MAX_FIRST_LINES, len(table) - _JUMP_SAMPLES), 0, -1):
         first, samples = table[used - 1], table[used:]

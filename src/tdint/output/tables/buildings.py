@@ -330,7 +330,7 @@ def mode_damping(ratios: Any) -> Column:
     return Column(
         "damping",
         "1",
-        lambda modes: _finite(ratios),
+        lambda modes: None if ratios is None else _finite(ratios),
         "damping ratio; if damping couples the modes, of the mode without the coupling terms",
     )
 
