@@ -311,7 +311,7 @@ def test_treatment_of_pairs_of_a_study_by_a_fragility_function(folder, tdint):
     for number in (1, 2, 3):
         write_record(f"{number}.mseed", "HN1", "HN2", peak=1.0 + number, samples=40 + 20 * number)
     Path("study.yaml").write_text(
-        "buildings: {models: [shaken.yaml]}\nintensity: {scales: [0.5, 1, 2, 3]}\n"
+        "buildings: {models: [shaken.yaml]}\nintensity: {scales: [0.25, 0.5, 0.75, 1]}\n"
         "records: {files: [1.mseed, 2.mseed, 3.mseed], units: m/s^2, pairs: true}\n"
     )
     found = {}

@@ -36,6 +36,7 @@ from tdint.response.spectra.inelastic import constant_strength
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile
 from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture
+from tdint.studies.motions.outcomes import COLLAPSED, COMPLETED, with_outcomes
 from tdint.studies.sensitivity.sensitivity import PEAKS, ParameterEffect
 from tdint.studies.sensitivity.sensitivity_figures import sensitivity_picture
 from tdint.units import parse_output_units
@@ -103,11 +104,15 @@ def test_long_steps_show_all_samples_of_the_record_and_the_peaks_of_the_table():
 
 def profile_of_suite(building, stood, fell, height=3.0):
     """Return the profile of two stories under several ground motions, with some collapses."""
-    peaks = {quantity.name: np.full((stood, 2), 0.03) for quantity in STORY_QUANTITIES}
+    outcome = np.repeat([COMPLETED, COLLAPSED], [stood, fell])
+    peaks = {
+        quantity.name: with_outcomes(np.full((len(outcome), 2), 0.03), outcome)
+        for quantity in STORY_QUANTITIES
+    }
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
-    named = tuple(f"{i}" for i in range(stood))
-    completed = [[Run(i, 1.0)] for i in range(stood)]
-    level = (1.0, np.nan, completed, fell, 0, 0, ("level", ""), "")
+    named = tuple(f"{i}" for i in range(len(outcome)))
+    runs = [Run(i, 1.0) for i in range(len(outcome))]
+    level = (1.0, np.nan, runs, np.arange(len(outcome)), outcome, ("level", ""), "")
     return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
@@ -165,7 +170,7 @@ def test_only_the_time_of_a_short_pulse_is_drawn():
 
 def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
     """Drifts of the other buildings remain in percent of the story height, or all drifts are
-    lengths. The figure states why the buildings cannot be compared."""
+    lengths. The figure states the number of motions of each building."""
     stood, fell, flat = (
         profile_of_suite("stood", 3, 1),
         profile_of_suite("fell", 0, 4),
@@ -174,7 +179,7 @@ def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
     drifts = profile_picture([stood, fell]).axes[0]
     assert (drifts.get_xlabel(), drifts.get_title("left")) == (
         "drift (% of height)",
-        "different motions: not comparable",  # no motion is survived by both buildings
+        "motions that each building completes: 3, 0",
     )
     assert {line.get_xdata().max() for line in drifts.get_lines()} == {1.0}
     assert (
@@ -218,7 +223,8 @@ def test_the_shorter_bar_of_a_tornado_is_in_front():
 def test_all_buildings_of_floors_are_in_the_legend():
     """The legend contains all buildings, also if they have different numbers of floors and some are
     not in the first panel."""
-    level = (1.0, np.nan, [[Run(0, 1.0)], [Run(1, 1.0)]], 0, 0, 0, ("level", ""), "")
+    runs, outcome = [Run(0, 1.0), Run(1, 1.0)], np.array([COMPLETED, COMPLETED])
+    level = (1.0, np.nan, runs, np.arange(2), outcome, ("level", ""), "")
     floor_suite = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
     (legend,) = floor_suite_picture(
         [floor_suite, replace(floor_suite, building="tall", floor=5)]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import re
 import shutil
 import socket
@@ -63,7 +64,7 @@ def test_check_adds_an_error_column_for_each_demand(study: Path, tdint: Command)
     change("study.yaml", ("method: newmark-average", "method: moment4, check: true"))
     tdint("campaign", "study.yaml", "-o", "checked", code=0)
     found, plain = rows("checked/runs.csv"), rows("out/runs.csv")
-    named = [name for name in COLUMNS[10:18] if not name.endswith(("_story", "_floor"))]
+    named = [name for name in COLUMNS[12:20] if not name.endswith(("_story", "_floor"))]
     assert list(plain[0]) == COLUMNS
     assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named)]
     own = list(rows("out/stories.csv")[0])
@@ -428,15 +429,25 @@ def test_a_tolerance_selects_the_time_step_of_each_building(study: Path, tdint: 
 
 
 def test_intensity_levels_of_a_measure(study: Path, tdint: Command) -> None:
-    """The runs of each building have the requested Sa(T1). Both components of a pair have one
-    factor, and the geometric mean of their PGA has the requested value."""
+    """The motions of each building have the requested Sa(T1). Both components of a pair have one
+    factor, also without `pairs`, and the geometric mean of their Sa(T1) or PGA has the requested
+    value."""
     change(
         "study.yaml",
         ("scales: [0.25, 1, 2.5]", "measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]"),
     )
     tdint("campaign", "study.yaml", "-o", "sa", code=0)
-    found = np.array([float(row["sa_t1_m_s2"]) for row in rows("sa/runs.csv")]).reshape(-1, 2)
-    np.testing.assert_allclose(np.sort(found, axis=1), np.tile([0.980665, 2.5], (6, 1)), rtol=1e-11)
+    motions: dict[tuple[str, ...], list[dict[str, str]]] = {}
+    for row in rows("sa/runs.csv"):
+        motions.setdefault((row["building"], row["motion"], row["level"]), []).append(row)
+    assert [len(components) for components in motions.values()].count(2) == 2 * 2
+    for (_, _, level), components in motions.items():
+        assert len({row["scale"] for row in components}) == 1
+        found = math.prod(float(row["sa_t1_m_s2"]) for row in components) ** (1 / len(components))
+        assert found == pytest.approx(float(level), rel=1e-11)
+    assert {float(level) for _, _, level in motions} == {0.980665, 2.5} and len(
+        motions
+    ) == 2 * 2 * 2
     change(
         "study.yaml",
         ("measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]", "measure: pga, levels: [2 m/s^2]"),
@@ -534,7 +545,8 @@ def test_the_store_can_be_queried_with_sql() -> None:
     with closing(sqlite3.connect(f"out/{FILE}")) as connection:
         found = connection.execute("SELECT * FROM runs WHERE building = 'stiff'")
         names, own = [column[0] for column in found.description], len(COLUMNS)
-        stiff = [(row[1], row[2], f"{row[10]:.12g}") for row in found]
+        drift = names.index("peak_drift_ratio")
+        stiff = [(row[1], row[2], f"{row[drift]:.12g}") for row in found]
     assert names[:own] == COLUMNS
     bare = [name.removesuffix("_error") for name in names[own:]]
     assert bare and set(bare) <= set(names[:own])  # The error columns are empty.

@@ -41,7 +41,7 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
     inputs = json.loads(Path("best.json").read_text())["inputs"]
     assert [Path(read["file"]).name for read in inputs] == ["measures.csv", "runs.csv"]
     single = tdint("fragility out --im pgv --fit cloud --threshold 0.1%", code=0)
-    assert ",pgv,m/s," in single.stdout
+    assert ",geometric-mean-pgv,m/s," in single.stdout
 
 
 def test_units_of_the_measures(study, tdint):

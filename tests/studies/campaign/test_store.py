@@ -156,9 +156,13 @@ def test_too_short_period_does_not_affect_other_periods() -> None:
 
 @pytest.mark.parametrize(
     ("name", "digest"),
-    [("fluid-dampers", "fd5d45665596a894"), ("oil-dampers", "b4730696705ae164")],
+    [
+        ("fluid-dampers", "fd5d45665596a894"),
+        ("oil-dampers", "b4730696705ae164"),
+        ("frame-matrix", "db7e9d93f9c62cd3"),
+    ],
 )
-def test_digests_of_buildings_do_not_depend_on_the_classes_of_dampers(
+def test_digests_of_buildings_do_not_depend_on_the_classes_of_their_parts(
     name: str, digest: str
 ) -> None:
     """Stores of earlier versions contain these digests, which identify the buildings."""

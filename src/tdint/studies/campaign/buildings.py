@@ -136,9 +136,14 @@ def digest_of(model: Model, method: str) -> str:
         unexcited,
         dict_factory=lambda items: {k: value for k, value in items if k != "fracture_ratio"},
     )
+    # Stores of earlier versions contain digests without these items.
+    for part, later in (("matrices", "inertance"), ("initial", "attachments")):
+        if content[part] is not None and not len(content[part][later]):
+            del content[part][later]
     for name in (
         "name",
         "source",
+        "document",
         "text",
         "output_units",
         "page_units",

@@ -55,17 +55,20 @@ LEVEL = Column.named(
     "their number, from the smallest",
 )
 COUNTS = (
-    Column.named(
+    Column(
         "runs",
+        "1",
+        "counts.motions",
         "number of ground motions; a pair counts as one unless its components count separately",
     ),
     Column.named(
-        "collapsed",
+        "counts.collapsed",
         "number of ground motions with collapse; they are excluded from mean and max, and count as "
         "larger than every value in the fractiles",
     ),
     Column.named(
-        "failed", "number of ground motions without a result; they are excluded from the statistics"
+        "counts.failed",
+        "number of ground motions without a result; they are excluded from the statistics",
     ),
 )
 

@@ -22,6 +22,7 @@ from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.campaign_tables import StoreTable, numeric, run_heads
 from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.motions.intensity import PAIRS
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import STORIES
 from tdint.tabular import import_optional
@@ -400,10 +401,11 @@ _LEAST_LOSS = 1e-9  # OpenQuake rejects a coefficient of variation for a mean lo
 def _measure(first: Fragility) -> tuple[str, float]:
     """Return OpenQuake's name of the intensity measure of a function, and the factor that converts
     the intensity to OpenQuake's unit. UsageError is raised if OpenQuake does not support the
-    measure.
+    measure. OpenQuake's names do not state the combination of the components of pairs.
     """
+    im = re.sub(rf"^({'|'.join(PAIRS)})-", "", first.im.lower())
     for pattern, name, units, openquake_unit in _IMTS:
-        match = re.fullmatch(pattern, first.im.lower())
+        match = re.fullmatch(pattern, im)
         if match and first.unit in units:
             numbers = {key: f"{float(text):.6g}" for key, text in match.groupdict().items()}
             return name.format(**numbers), units[first.unit] / openquake_unit

@@ -427,6 +427,8 @@ def measure_of_campaign(store: Store | None, text: str | None) -> RunMeasure:
         measure = RunMeasure(LEVEL, unit, name, lambda record, period: math.nan, called=name)
     else:
         measure = measure_named(text or "sa")
+        if store is not None and is_level(store, measure):
+            combination = settings.get("pair", combination)
     if store is None or not store.pair_rule().pairs or measure.called == LEVEL:
         return measure
     return replace(measure, called=f"{combination}-{measure.called}")
@@ -450,7 +452,8 @@ def is_level(store: Store, measure: RunMeasure) -> bool:
     period_text = ""
     if name in SPECTRAL:
         period_text = f"({FIRST})" if period == FIRST else f"({period:g})"
-    called = measure.called.format(FIRST).removeprefix(f"{GEOMETRIC_MEAN}-")
+    pair = settings.get("pair", GEOMETRIC_MEAN)
+    called = measure.called.format(FIRST).removeprefix(f"{pair}-")
     return called == f"{name}{period_text}"
 
 
