@@ -63,7 +63,7 @@ def arrays(results, name=""):
     for field in dataclasses.fields(results):
         value = getattr(results, field.name)
         key = f"{name}.{field.name}" if name else field.name
-        if field.name in ("model", "record", "solver_time", "is_one_of_several"):
+        if field.name in ("model", "record", "record_rows", "solver_time", "is_one_of_several"):
             continue
         if dataclasses.is_dataclass(value):
             found |= arrays(value, key)
