@@ -21,10 +21,11 @@ from csv_rows import rows as csv_rows
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.kernels import linear_terms
-from tdint.kernels.building import load_or_compile, process, store, target
-from tdint.kernels.building.compilable import FULL, PLAIN
+from tdint.kernels.building import compilable, load_or_compile, process, store, target
+from tdint.kernels.building.compilable import ANY, F8, FULL, PLAIN, Variant
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws.compiled import CompiledLaw
+from tdint.kernels.laws import compiled
+from tdint.kernels.laws.compiled import CompiledLaw, compiled_laws
 from tdint.kernels.stories import law_state
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import catalogue, parse
@@ -116,6 +117,65 @@ def test_interpreted_kernels_omit_features_only_during_a_call():
     assert linear_terms.FULL
 
 
+COMPILED_AFTER_INTERPRETED = """
+import os, sys
+import numpy as np
+import tdint
+from tdint.kernels.building.compilable import INSTALLED
+from tdint.methods.catalogue import parse
+from tdint.response.runs.analysis_kernels import run_interpreted
+from tdint.response.runs.prepared import PreparedBuilding
+rod = {"type": "bilinear", "stiffness": 4e6, "yield_force": 6e4, "hardening": 0.0}
+rod["fracture_drift"] = 0.03
+frame = {"type": "linear", "stiffness": 6e6}
+model = {"stories": [{"mass": 1e5, "elements": [frame, rod]}], "damping": 0.05}
+record = tdint.make_record(6.0 * np.sin(4.0 * 0.01 * np.arange(101)), dt=0.01, units="m/s^2")
+def drift(method):
+    return tdint.run(model, record, method=method, check=False).stories.peak_drift[0]
+assert run_interpreted(PreparedBuilding.of(tdint.load_model(model)), [parse("impulse4")])
+first = drift("impulse4")
+os.environ.update(TDINT_CACHE_DIR=sys.argv[1], TDINT_COMPILE="wait")
+print(first, drift("newmark-average"), *sorted(INSTALLED))
+"""
+
+
+@pytest.mark.skipif(
+    store._PREBUILT.exists(), reason="this is a wheel with compiled loops: nothing is interpreted"
+)
+@pytest.mark.long
+def test_compiled_step_after_interpreted_run_has_its_laws(tmp_path):
+    """The process crashed: laws that interpreted loops had used counted as loaded, but compiled
+    code found no addresses of their functions. Interpreted loops require no compiled laws, which
+    TDINT_COMPILE=never would refuse."""
+    process = subprocess.run(
+        [sys.executable, "-c", COMPILED_AFTER_INTERPRETED, str(store.writable().parent)],
+        env=environment(tmp_path, TDINT_COMPILE="never"),
+        capture_output=True,
+        text=True,
+    )
+    assert process.returncode == 0, process.stderr
+    first, second, *kinds = process.stdout.split()
+    assert 0.03 < float(second) == pytest.approx(float(first), rel=1e-3)
+    assert kinds == ["compiled", "interpreted"]
+
+
+def test_interpreted_law_is_not_in_the_table_of_laws(monkeypatch):
+    """A compiled kernel would call its functions at the address 0."""
+    monkeypatch.setattr(compiled, "_IN_TABLE", {})
+    monkeypatch.setattr(compilable, "INSTALLED", set())
+    (law,) = compiled_laws([0.5])
+    law.interpret(ANY, lambda function: function)
+    assert not law.loaded(ANY)
+    needed = []
+    monkeypatch.setattr(load_or_compile, "_load_missing", lambda items, _: needed.extend(items))
+    loop = Kernel(lambda: 0.0, F8(), has_forms=True, vectorized=False)
+    loop.interpret(FULL, lambda function: function)
+    load_or_compile.load_or_compile([(loop, Variant(FULL, (law,)))])
+    assert not needed
+    load_or_compile.load_or_compile([(loop, Variant(PLAIN, (law,)))])
+    assert needed == [(loop, PLAIN), (law, ANY)]
+
+
 @pytest.fixture
 def background_processes(tmp_path, monkeypatch):
     """Provide the environment of a user with an empty cache, and the list of started programs."""
@@ -124,8 +184,8 @@ def background_processes(tmp_path, monkeypatch):
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "find_object", lambda *arguments, **how: None)
     # Kernels of this process remain unchanged.
-    for compiled in (Kernel, CompiledLaw):
-        monkeypatch.setattr(compiled, "interpret", lambda *arguments: None)
+    for kind in (Kernel, CompiledLaw):
+        monkeypatch.setattr(kind, "interpret", lambda *arguments: None)
     monkeypatch.setattr(load_or_compile, "_BACKGROUND", {})
     started = []
     monkeypatch.setattr(

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -74,10 +75,16 @@ def load_or_compile(
     UsageError
         The value of TDINT_KERNELS is invalid.
     """
-    if all(kernel.loaded(form) for kernel, form in required(pairs)):
+    needed = required(pair for pair in pairs if not _is_interpreted(*pair))
+    if all(kernel.loaded(form) for kernel, form in needed):
         return
     with _ONE_AT_A_TIME:
-        _load_missing(required(pairs), progress)
+        _load_missing(needed, progress)
+
+
+def _is_interpreted(kernel: Compilable, variant: Variant) -> bool:
+    """Return True if a kernel is installed as a Python function, which needs no compiled laws."""
+    return isinstance(kernel._loaded.get(kernel.form(variant)), FunctionType)
 
 
 def required(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilable, str]]:

@@ -50,8 +50,8 @@ class CompiledLaw(Compilable):
         _IN_TABLE[self.code] = self
 
     def interpret(self, form: str, wrap: Callable[[Callable[..., Any]], Any]) -> None:
-        """Do nothing: kernels in plain Python call the functions of the law itself."""
-        _IN_TABLE[self.code] = self
+        """Do nothing: kernels in plain Python call the functions of the law itself, and the table
+        of laws, from which compiled kernels call it, does not contain it yet."""
 
 
 _IN_TABLE: dict[float, CompiledLaw] = {}
