@@ -3,6 +3,8 @@
 import numpy as np
 
 from tdint.kernels import layout
+from tdint.kernels.building.compilable import PLAIN, Variant
+from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.stories import law_state
 from tdint.kernels.stories.law_tables import law_state_table
 from tdint.model.building import assemble
@@ -36,6 +38,11 @@ def law_table(name, *parameters):
     return table
 
 
+def law_variant(law_parameters):
+    """Return the plain form of the kernels, and the law of a table of `law_table`."""
+    return Variant(PLAIN, compiled_laws([law_parameters[layout.CODE, 0]]))
+
+
 def follow(law_parameters, path):
     """Return the forces along a path of drifts, and the energies at its end.
 
@@ -55,7 +62,8 @@ def follow(law_parameters, path):
     """
     drifts = np.array([0.0, *path])
     result = np.zeros((drifts.size, law_state.RESULT_COLUMNS))
-    law_state.follow.compiled(law_parameters, 0, drifts, law_state_table(law_parameters), result)
+    compiled = law_state.follow.variant(law_variant(law_parameters))
+    compiled(law_parameters, 0, drifts, law_state_table(law_parameters), result)
     return (
         result[1:, law_state.SHEAR],
         result[-1, law_state.STRAIN_ENERGY],

@@ -6,7 +6,7 @@ from tdint.kernels.compiling import F8, TABLE, VECTOR, kernel
 from tdint.kernels.stories import path
 
 
-@kernel(F8(TABLE, TABLE, TABLE, VECTOR, TABLE, VECTOR), parts=("laws",))
+@kernel(F8(TABLE, TABLE, TABLE, VECTOR, TABLE, VECTOR))
 def forces_behind(law_parameters, begun, law_state, rises, scratch, forces):
     """Store the force of the first story after each rise of its drift from the state `begun` in
     `forces`; `law_state` contains the last state."""

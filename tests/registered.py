@@ -10,6 +10,8 @@ import pytest
 from tdint.ground_motion import measures
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS
+from tdint.kernels.stories.law_state import follow
+from tdint.kernels.time_loop.loop import integrate
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
 from tdint.model import story_laws
@@ -19,6 +21,7 @@ from tdint.model.story import simple_story
 from tdint.model.story_laws import Law
 from tdint.response.runs import batch as runs
 from tdint.response.runs.analysis_kernels import all_kernels
+from tdint.response.runs.compiled_steps import LOOP_KERNELS
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.time_steps import Steps
 
@@ -30,7 +33,10 @@ def forget():
     for name in list(story_laws.CODES)[OURS:]:
         del story_laws.CODES[name]
     del NUMBERED[OURS:]
-    for kernel, _ in all_kernels():  # another law can get the number of a removed law
+    # Another law can get the number of a removed law. `all_kernels` would execute the steps of
+    # plug-ins and load installed plug-ins.
+    steps = [method.family.step for method in methods._known().values()]
+    for kernel in (*steps, integrate, *LOOP_KERNELS, follow):
         kernel._last = None
     for name in set(measures.MEASURES) - set(measures.BUILTIN_MEASURES):
         del measures.MEASURES[name]

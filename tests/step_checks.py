@@ -12,7 +12,7 @@ from tdint.kernels.stepping import Scene
 from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
 from tdint.methods.workspace import workspace
-from tdint.model.building import assemble
+from tdint.model.building import assemble, variant
 from tdint.response.runs.case import Case
 from tdint.response.runs.outcome import FailedRun
 from tdint.response.runs.run import run
@@ -147,7 +147,7 @@ class SingleSteps:
         scene = Scene(
             building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
         )
-        code = self.integrator.family.step.compiled(
+        code = self.integrator.family.step.variant(variant(building))(
             self.integrator.coefficients(building, no_forces, 1.0),
             *scene,
             1.0,

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
+from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, law_variant
 from path_kernel import forces_behind
 from selection import every
 from tdint.kernels import layout as rows
-from tdint.kernels.building.compilable import PLAIN, Variant
-from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
 from tdint.kernels.stories.law_tables import law_state_table
@@ -104,9 +102,9 @@ def forces_by_path_integration(law_parameters, turn, drifts, go=forces_behind.fu
 
 
 def compiled_forces_by_path_integration(law_parameters, turn, drifts):
-    """Return the forces of `gone_along`, in compiled form."""
-    variant = Variant(PLAIN, compiled_laws({0.0, law_parameters[rows.CODE, 0]}))
-    return forces_by_path_integration(law_parameters, turn, drifts, forces_behind.variant(variant))
+    """Return the forces of `forces_by_path_integration`, in compiled form."""
+    go = forces_behind.variant(law_variant(law_parameters))
+    return forces_by_path_integration(law_parameters, turn, drifts, go)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 20.0])
