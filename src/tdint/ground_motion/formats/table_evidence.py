@@ -73,7 +73,8 @@ def continuity(table: NDArray[np.float64]) -> tuple[str, str]:
         f"the mean step at line ends is {_ratio_of_means(row_ends, within):.2f} of the step within "
         f"lines, the step between neighbors {neighbors:.2f} of the step between lines"
     )
-    rms = np.sqrt(np.mean(table**2, axis=0))
+    with np.errstate(over="ignore"):  # samples up to 1.8e308
+        rms = np.sqrt(np.mean(table**2, axis=0))
     column_steps = np.mean(np.abs(within), axis=0)
     scatter = 1.0 / sqrt(rows)
     has_equal_columns = _ratio(np.max(rms), np.min(rms)) < max(
@@ -456,6 +457,7 @@ def _lines_above_times(numbers: Numbers, width: int) -> int:
     return 0
 
 
+@np.errstate(over="ignore")  # samples up to 1.8e308
 def _lines_above_samples(table: NDArray[np.float64]) -> int:
     """Return the number of first rows up to the last row that is as large as the peak of all rows
     below it, and does not continue to the next row, in all columns of a table; 0 if there is none.
