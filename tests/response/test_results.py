@@ -58,7 +58,7 @@ def test_comparison_of_results_is_a_truth_value(name):
     """The comparison of two dataclasses with arrays raises ValueError if it compares the arrays."""
     value = getattr(tdint, name)
     if isinstance(value, type) and is_dataclass(value) and "__eq__" in vars(value):
-        arrays = [f.name for f in fields(value) if f.compare and "Array" in str(f.type)]
+        arrays = [f.name for f in fields(value) if f.compare and "rray" in str(f.type)]
         assert not arrays
 
 
@@ -105,7 +105,9 @@ def test_content_of_a_model_defines_the_same_model(file, monkeypatch):
     content = model.to_dict()
     again = tdint.load_model(content)
     for name in ("stories", "damping", "excitation", "initial", "limits", "attachments", "links"):
-        assert getattr(again, name) == getattr(model, name), name
+        found, expected = getattr(again, name), getattr(model, name)
+        # A stiffness of nan, as in models of matrices, is not equal to itself.
+        assert found == expected or repr(found) == repr(expected), name
     assert again.to_dict() == content
 
 

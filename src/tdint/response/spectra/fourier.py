@@ -27,7 +27,7 @@ _MAX_FREQUENCIES = 300
 is half the distance to half the weight for b = 40."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FourierSpectrum(Tabular):
     """Amplitudes of the Fourier transform of a ground acceleration.
 
