@@ -634,7 +634,8 @@ def read_spring(
     entry = section.get("law")
     law, stiffness_of_law = read_law(entry, unit)
     is_held = law == LINEAR and section.has("stiffness")
-    may_be_soft = is_held or (law.parameters and LAWS[law.name].stiffens(law.parameters))
+    is_known = law.parameters and not any(map(math.isnan, law.parameters))
+    may_be_soft = is_held or (is_known and LAWS[law.name].stiffens(law.parameters))
     stiffness = _read_stiffness(
         section, law.name, stiffness_of_law, unit, mass, is_optional and bool(may_be_soft)
     )
