@@ -1,4 +1,4 @@
-# Written by tests/stubs.py from tdint.public_names.
+# Public names and the modules that define them; `tdint.public_names` reads this file.
 
 from tdint.assessment.chart.performance_profiles import FieldChart as FieldChart
 from tdint.assessment.chart.performance_profiles import performance_profiles as performance_profiles

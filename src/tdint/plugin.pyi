@@ -1,4 +1,4 @@
-# Written by tests/stubs.py from tdint.public_names.
+# Public names and the modules that define them; `tdint.public_names` reads this file.
 
 from tdint.assessment.chart.problem import Problem as Problem
 from tdint.errors import AnalysisError as AnalysisError
