@@ -36,6 +36,8 @@ _FIT = Mode(
             "by",
             "edp_range",
             "modeling_dispersion",
+            "hazard",
+            "allow_outside",
             "openquake",
             "plot",
             "report",
@@ -134,6 +136,20 @@ class Request:
         help="Modeling uncertainty: standard deviation of the logarithm of the demand. Adds the "
         "column beta_total, the square root of beta^2 + BETA^2.",
     )
+    hazard: str | None = options.option(
+        type=FileName(),
+        metavar="CURVE.csv",
+        help="Hazard curve: a CSV file with the columns im,unit,rate (1/year) or "
+        "im,unit,probability,years. Adds the mean annual frequency of exceeding each threshold "
+        "with its standard error, the probability in 50 years, the median contributing intensity, "
+        "and the risk target of ASCE 7-16.",
+    )
+    allow_outside: bool = options.option(
+        needs="--hazard",
+        rare=True,
+        help="Accept a frequency of which more than 10 % is from intensities outside the points of "
+        "the hazard curve.",
+    )
 
 
 @options.command(
@@ -229,6 +245,7 @@ def _fit(request: Request) -> None:
         study_summary,
     )
     from tdint.studies.fragility.fit_types import fit_types
+    from tdint.studies.fragility.hazard import at_risk, read_hazard
 
     outputs, by = request.outputs, request.by
     _check_options(request)
@@ -258,6 +275,11 @@ def _fit(request: Request) -> None:
     # ratios. A table of another program can have any demand.
     if not by and study_summary(Path(request.table)):
         functions = [replace(function, is_drift_ratio=True) for function in functions]
+    if request.hazard:
+        functions, outside = at_risk(
+            functions, read_hazard(request.hazard), allow_outside=request.allow_outside
+        )
+        warn(*outside)
     if openquake_files:
         # OpenQuake files do not use --output-units: write the functions in SI units.
         _write_openquake(request, result.functions, openquake_files)
@@ -287,6 +309,8 @@ def _fit(request: Request) -> None:
         say(f"{pluralize(len(functions), 'function')} of {pluralize(len(types), by)}: {fits}.")
     else:
         say(*map(_function_text, functions))
+    if functions[0].risk:
+        say(functions[0].risk.target_text(functions[0].unit))
     warn(*map(str, result.failures))
 
 
@@ -404,4 +428,8 @@ def _function_text(function: Fragility) -> str:
         text += f", total beta {function.beta_total:.3f}"
     if function.censored:
         text += f"; {function.censored} of {function.runs} censored"
+    if function.risk:
+        text += f"; {function.risk.text(function.unit)}"
+    if function.total_risk:
+        text += f"; with the modeling dispersion {function.total_risk.text(function.unit)}"
     return f"{text}."

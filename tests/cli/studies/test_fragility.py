@@ -159,3 +159,61 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
 def test_invalid_tables_are_refused(folder, tdint, text, arguments, code, message):
     (folder / "t.csv").write_text(text)
     tdint.refused(message, "fragility", "t.csv", *arguments, code=code)
+
+
+STRIPES = """im,collapses,records,im_name,unit
+0.15,1,20,sa(0.8),g
+0.3,5,20,sa(0.8),g
+0.6,14,20,sa(0.8),g
+"""
+HAZARD = """im,unit,rate
+0.05,g,0.04
+0.1,g,0.016
+0.2,g,0.0045
+0.4,g,0.0009
+0.8,g,0.00013
+1.6,g,1.1e-05
+3.2,g,6e-07
+"""
+
+
+def test_annual_frequency(folder, tdint):
+    """Another program computed the frequencies of both dispersions. Output units change neither
+    frequencies nor probabilities."""
+    (folder / "stripes.csv").write_text(STRIPES)
+    (folder / "hazard.csv").write_text(HAZARD)
+    command = "fragility stripes.csv --hazard hazard.csv --modeling-dispersion 0.35"
+    shown = tdint(command, "--report", "page.html", code=0)
+    (row,) = rows(shown.stdout)
+    expected = {
+        "annual_frequency": 0.0017473356639399673,
+        "annual_frequency_total": 0.002162875811259686,
+        "probability_50_years": 0.08365906446989191,
+        "probability_50_years_total": 0.10250146466789978,
+    }
+    for name, value in expected.items():
+        assert float(row[name]) == pytest.approx(value, rel=1e-6)
+    assert "8.37 % in 50 years" in shown.stderr and "Risk target" in shown.stderr
+    page = (folder / "page.html").read_text("utf-8")
+    assert "Mean annual frequency of exceedance" in page and "0.4985" in page
+    (other,) = rows(tdint(command, "--output-units", "m", code=0).stdout)
+    for name in expected:
+        assert float(other[name]) == pytest.approx(float(row[name]), rel=1e-9)
+    for name in ("contributing_im", "risk_targeted_theta", "risk_targeted_im"):
+        assert float(other[name]) == pytest.approx(9.80665 * float(row[name]), rel=1e-9)
+
+
+def test_frequency_from_outside_the_curve(folder, tdint):
+    """Up to 1 % without a message, up to 10 % with a warning, and more only if it is allowed."""
+    (folder / "stripes.csv").write_text(STRIPES)
+    lines = HAZARD.splitlines(keepends=True)
+    (folder / "some.csv").write_text("".join(lines[:-2]))
+    (folder / "few.csv").write_text("".join(lines[:4]))
+    assert "outside the points" in tdint("fragility stripes.csv --hazard some.csv", code=0).stderr
+    refused = tdint("fragility stripes.csv --hazard few.csv -o out.csv", code=5)
+    assert "add points to the curve" in refused.stderr
+    assert not (folder / "out.csv").exists()
+    allowed = tdint("fragility stripes.csv --hazard few.csv --allow-outside", code=0)
+    assert float(rows(allowed.stdout)[0]["share_outside"]) > 0.1
+    assert "outside the points" in allowed.stderr
+    tdint.refused("--hazard", "fragility", "stripes.csv", "--allow-outside")

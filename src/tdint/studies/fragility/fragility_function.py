@@ -137,6 +137,75 @@ class CloudPoints:
         return int(np.sum(self.below))
 
 
+@dataclass(frozen=True)
+class Risk:
+    """Mean annual frequency of exceeding a limit, by a hazard curve; intensities are in the unit of
+    the function.
+
+    Attributes
+    ----------
+    annual_frequency, annual_frequency_error : float
+        Frequency and its standard error, 1/year.
+    probability_50_years : float
+        Probability of at least one exceedance in 50 years.
+    frequency_below, frequency_above : float
+        Contributions of intensities below the first and above the last point of the curve, 1/year.
+    above_low, above_high : float
+        Bounds of `frequency_above` that hold for every continuation of the curve: its last rate
+        times the probability of exceedance there, and its last rate, 1/year.
+    contributing_im : float
+        Median contributing intensity: half of the frequency is from lower intensities.
+    risk_targeted_theta, risk_targeted_im : float
+        Median intensity with a probability of 1 % in 50 years for a dispersion of 0.6, and the
+        intensity with a conditional probability of 10 %. They depend on the curve alone.
+    """
+
+    annual_frequency: float
+    annual_frequency_error: float
+    probability_50_years: float
+    frequency_below: float
+    frequency_above: float
+    above_low: float
+    above_high: float
+    contributing_im: float
+    risk_targeted_theta: float
+    risk_targeted_im: float
+
+    @property
+    def share_outside(self) -> float:
+        """Fraction of the frequency from intensities outside the points of the curve."""
+        return (self.frequency_below + self.frequency_above) / self.annual_frequency
+
+    def in_units(self, factor: float) -> Risk:
+        """Return the values for intensities that are multiplied by a factor."""
+        return replace(
+            self,
+            contributing_im=factor * self.contributing_im,
+            risk_targeted_theta=factor * self.risk_targeted_theta,
+            risk_targeted_im=factor * self.risk_targeted_im,
+        )
+
+    def text(self, unit: str) -> str:
+        """Return a clause with the frequency, the probability and the contributing intensity."""
+        error = ""
+        if not math.isnan(self.annual_frequency_error):
+            error = f" (standard error {self.annual_frequency_error:.2g})"
+        return (
+            f"annual frequency {self.annual_frequency:.4g}{error}, "
+            f"{100.0 * self.probability_50_years:.3g} % in 50 years, median contributing intensity "
+            f"{self.contributing_im:.4g} {unit}".rstrip()
+        )
+
+    def target_text(self, unit: str) -> str:
+        """Return a sentence with the risk target of the hazard curve."""
+        return (
+            "Risk target (ASCE 7-16 21.2.1.2: probability of collapse 1 % in 50 years, dispersion "
+            f"0.6): median {self.risk_targeted_theta:.4g} {unit}, intensity with 10 % probability "
+            f"of collapse {self.risk_targeted_im:.4g} {unit}".rstrip()
+            + "."
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Fragility(Described):
     """Fragility function: the probability of exceedance is Phi(ln(im / theta) / beta), except for a
@@ -192,6 +261,9 @@ class Fragility(Described):
         Observations and line of a cloud.
     counted : Counted | None
         Counts to be compared with the function.
+    risk, total_risk : Risk | None
+        Annual frequency by a hazard curve (`tdint.studies.fragility.hazard`), without and with the
+        modeling dispersion.
     """
 
     fit: str
@@ -216,6 +288,8 @@ class Fragility(Described):
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
+    risk: Risk | None = field(default=None, repr=False)
+    total_risk: Risk | None = field(default=None, repr=False)
 
     def _headline(self) -> str:
         return f"by {self.fit}: theta {self.theta:.4g} {self.unit}, beta {self.beta:.4g}"
@@ -492,6 +566,8 @@ class Fragility(Described):
             self,
             theta=factor * self.theta,
             unit=unit,
+            risk=self.risk and self.risk.in_units(factor),
+            total_risk=self.total_risk and self.total_risk.in_units(factor),
             bounds=(first_bound, second_bound),
             **converted,
         )

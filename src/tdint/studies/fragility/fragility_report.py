@@ -23,7 +23,7 @@ from tdint.output.report import (
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.studies.fragility.fit_table import study_summary
 from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility
-from tdint.studies.fragility.fragility_tables import fit_table_of
+from tdint.studies.fragility.fragility_tables import fit_table_of, risk_table_of
 from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import SI
@@ -108,6 +108,7 @@ def fragility_page(
             Picture(partial(draw, functions), f"Probability of exceedance over {measure}")
         ),
         Chapter("Fitted parameters", (LOGNORMAL, fitted)),
+        Chapter("Mean annual frequency of exceedance", _risk_parts(functions)),
         Chapter("Fractions of exceedances and fitted function", _count_table(functions)),
         Chapter("Observations", (*_observations(functions), *_study_parts(source, study))),
         Chapter(
@@ -147,6 +148,20 @@ def _median_text(function: Fragility) -> str:
         text += " (extrapolated)"
     text = f"{text}, beta {number_text(function.beta, 3)}."
     return f"{text[0].upper()}{text[1:]}"
+
+
+def _risk_parts(functions: Sequence[Fragility]) -> tuple[Part, ...]:
+    """Return sentences and a table on the annual frequencies; empty without a hazard curve."""
+    risk = functions[0].risk
+    if risk is None:
+        return ()
+    texts = [
+        "The frequency is the integral of the fragility function over the rates of the hazard "
+        "curve. ln rate is linear in ln intensity between its points, and the end slopes continue "
+        "outside; the frequency from outside is a separate column.",
+        risk.target_text(functions[0].unit),
+    ]
+    return texts, risk_table_of(functions)
 
 
 def _dispersion(functions: Sequence[Fragility]) -> list[str]:

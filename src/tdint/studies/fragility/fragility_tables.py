@@ -162,6 +162,56 @@ FRAGILITY_TOTAL = Column.named(
     "beta_total", "beta including the modeling dispersion (--modeling-dispersion)"
 )
 
+_RISK = (
+    Column.named("annual_frequency", "mean annual frequency of exceedance by the hazard curve"),
+    Column.named(
+        "annual_frequency_error",
+        "standard error of annual_frequency, from the covariance of ln theta and beta; empty if it "
+        "is unknown",
+    ),
+    Column.named(
+        "probability_50_years", "probability of exceedance in 50 years, 1 - exp(-50 frequency)"
+    ),
+    Column.named(
+        "contributing_im",
+        "median contributing intensity: half of annual_frequency is from lower intensities",
+    ),
+    Column.named(
+        "share_outside",
+        "fraction of annual_frequency from intensities outside the points of the hazard curve, "
+        "where its end slopes are continued",
+    ),
+)
+RISK = (
+    *_RISK,
+    Column.named("frequency_below", "part of annual_frequency below the first point, 1/year"),
+    Column.named("frequency_above", "part of annual_frequency above the last point, 1/year"),
+    Column.named("above_low", "lower bound of frequency_above for any continuation of the curve"),
+    Column.named("above_high", "upper bound of frequency_above, the last rate of the curve"),
+    Column.named(
+        "risk_targeted_theta",
+        "median collapse intensity with a probability of collapse of 1 % in 50 years, for a "
+        "dispersion of 0.6 (ASCE 7-16 21.2.1.2); it depends on the hazard curve alone",
+    ),
+    Column.named(
+        "risk_targeted_im",
+        "intensity with a conditional probability of collapse of 10 % for risk_targeted_theta",
+    ),
+)
+"""Columns of the annual frequency by a hazard curve; frequencies in 1/year."""
+
+RISK_TOTAL = tuple(
+    column._replace(
+        name=f"{column.name}_total", meaning=f"{column.meaning}; with the modeling dispersion"
+    )
+    for column in _RISK
+)
+
+
+def _of(owner: str, columns: Sequence[Column]) -> list[Column]:
+    """Return the columns of an attribute of a function."""
+    return [column._replace(value=f"{owner}.{column.value}") for column in columns]
+
 
 def fragility_table(
     functions: Sequence[Fragility],
@@ -192,6 +242,8 @@ def fragility_table(
         *(CLOUD if any(function.cloud for function in functions) else ()),
         *(FAILED if has_failed_runs else ()),
         *((FRAGILITY_TOTAL,) if total else ()),
+        *(_of("risk", RISK) if functions[0].risk else ()),
+        *(_of("total_risk", RISK_TOTAL) if functions[0].total_risk else ()),
         # Each bin has len(_COUNTS) columns; bins that no function has are omitted.
         *COUNTED[: len(_COUNTS) * max(bin_counts, default=0)],
         *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),
@@ -234,6 +286,14 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
         Column("theta_high", unit, lambda function: function.theta_interval[1], ""),
         *(Column(name, "1", value, "") for name, value in numbers),
     ]
+    return Table.of_results(columns, functions)
+
+
+def risk_table_of(functions: Sequence[Fragility]) -> Table:
+    """Return the annual frequencies of fragility functions for a report."""
+    columns = [Column("function", TEXT, "exceeded", ""), *_of("risk", _RISK)]
+    if functions[0].total_risk:
+        columns += _of("total_risk", RISK_TOTAL[:3])
     return Table.of_results(columns, functions)
 
 
