@@ -359,7 +359,9 @@ class Lines:
                 f"line {self._next} must contain numbers, got {line.strip()[:60]!r}"
             ) from None
 
-    def checked(self, values: array[float], first: int) -> NDArray[np.float64]:
+    def checked(
+        self, values: array[float] | NDArray[np.float64], first: int
+    ) -> NDArray[np.float64]:
         """Return the values of rows as an array, shape (values,), after checks.
 
         The rows are the lines from index `first` to the last line that has been read. If the file
@@ -370,7 +372,7 @@ class Lines:
 
         Parameters
         ----------
-        values : array of float
+        values : array of float, or ndarray
             Values of all rows.
         first : int
             Index of the first row, counted from 0. It is also the number, counted from 1, of the
@@ -381,7 +383,7 @@ class Lines:
         RecordError
             A value is too large for a float, or the last number is cut off.
         """
-        numbers = np.array(values, dtype=np.float64)
+        numbers = np.asarray(values, dtype=np.float64)
         if not np.all(np.isfinite(numbers)):
             raise RecordError(f"a value after line {first} exceeds 1.8e308")
         # The last number can be cut off only if it is the end of the file.

@@ -31,7 +31,7 @@ from tdint.ground_motion.formats.table_columns import COMMENT
 
 _MAX_HEADER_LINE = 1000  # characters of a line of text that are searched for statements
 
-_PLAIN = re.compile(r"[-+.\dEe\s]*")
+_NUMBERS = b"-+.0123456789Ee \n"  # characters of numbers that NumPy reads
 _CHARACTERS = re.compile(r"[-+.,;\dEeDd\s*]*")
 """Characters of rows of numbers. Fortran writes asterisks for a number that exceeds its field. The
 pattern is fast also for a line of a million characters."""
@@ -211,15 +211,23 @@ def table_text(lines: Lines) -> TableText:
     return TableText(blocks, above, ignored)
 
 
-_PLAIN_ROWS = re.compile(r"[-+.,;\t\dEeDd \n]*")
-_OTHER_LINE = re.compile(r"\n[^\d\n]*\n|[,;\t ]\n")
-"""Line without a digit, or end of a line with a separator."""
+_WITHOUT_DIGIT = re.compile(r"\n[^\d\n]*\n")
 
 
 def _are_plain_rows(lines: Sequence[str]) -> bool:
-    """Return True if all lines are rows of numbers that need no change."""
+    """Return True if all lines are rows of numbers that need no change: each has a digit, and none
+    ends with a separator."""
     text = "\n".join(["", *lines, ""])
-    return bool(_PLAIN_ROWS.fullmatch(text)) and not _OTHER_LINE.search(text)
+    return (
+        _has_only(text, _NUMBERS + b",;\tDd")
+        and not any(f"{mark}\n" in text for mark in ",;\t ")
+        and not _WITHOUT_DIGIT.search(text)
+    )
+
+
+def _has_only(text: str, characters: bytes) -> bool:
+    """Return True if a text consists of these ASCII characters; faster than a pattern."""
+    return text.isascii() and not text.encode("ascii").translate(None, characters)
 
 
 def _is_row(line: str) -> bool:
@@ -374,7 +382,7 @@ def block_numbers(block: NumberBlock) -> Numbers:
     # Most files contain only numbers that NumPy reads; it would also accept nan and numbers without
     # a separator, which changes their count.
     text = _with_blanks(block.lines)
-    if _PLAIN.fullmatch(text):
+    if _has_only(text, _NUMBERS + b"\t\r\v\f"):
         widths = _words_per_line(text)
         with warnings.catch_warnings(), suppress(DeprecationWarning, ValueError):
             warnings.simplefilter("error", DeprecationWarning)
@@ -402,12 +410,11 @@ def block_numbers(block: NumberBlock) -> Numbers:
 def _words_per_line(text: str) -> NDArray[np.int64]:
     """Return the number of words in each line of an ASCII text."""
     codes = np.frombuffer(text.encode("ascii"), np.uint8)
-    is_blank = codes <= ord(" ")
-    starts = ~is_blank
-    starts[1:] &= is_blank[:-1]
-    line_starts = np.concatenate(([0], np.flatnonzero(codes == ord("\n")) + 1))
-    # A blank line has no word; no block contains one.
-    return np.add.reduceat(starts, line_starts, dtype=np.int64)
+    is_character = codes > ord(" ")
+    is_start = is_character.copy()
+    is_start[1:] &= ~is_character[:-1]
+    ends = np.append(np.flatnonzero(codes == ord("\n")), codes.size)
+    return np.diff(np.searchsorted(np.flatnonzero(is_start), ends), prepend=0)
 
 
 def _with_blanks(lines: list[str]) -> str:
@@ -423,7 +430,10 @@ def _with_blanks(lines: list[str]) -> str:
             return joined
         joined = joined.replace("\t", " ")
     if ";" in marks or ("," in marks and "\t" not in marks):
-        if re.search(r"[,;][^\S\n]*[,;\n]|^[^\S\n]*[,;]", joined, re.MULTILINE):
+        marked = b"\n" + joined.encode().translate(None, b" \t\r\v\f")
+        if any(before + mark in marked for mark in (b",", b";") for before in (b",", b";", b"\n")):
+            return joined
+        if b",\n" in marked or b";\n" in marked:
             return joined
         joined = joined.replace(";", " ")
     if "," in marks:

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from array import array
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -260,7 +259,7 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
     if kind in ("single", "rows", "numbered rows"):
         _check_decimal_points(block, numbers, int(kind == "numbered rows"))
     # Check whether the last number of the file is cut off.
-    lines.checked(array("d", numbers.values), block.line_numbers[0] - 1)
+    lines.checked(numbers.values, block.line_numbers[0] - 1)
     if kind == "pairs":
         table = replace(table, time=0)
     if kind != "columns":  # no column of the lines remains
