@@ -70,7 +70,7 @@ def invalid_call(call, *values):
         *invalid_call(
             lambda h: tdint.stability("hht", h), [], [-1.0], [math.nan], [1.0, 0.1], ["x"]
         ),
-        *invalid_call(lambda x: fit_cloud(*CLOUD, lower_threshold=x), math.nan, "x"),
+        *invalid_call(lambda x: fit_cloud(*CLOUD, dispersion=x), math.nan, "x"),
         *invalid_call(lambda b: tdint.fragility("x.csv", modeling_dispersion=b), "x", -1, math.nan),
         *invalid_call(lambda x: tdint.run_many(STORY, None, vary={"damping": x}), MASKED),
         *invalid_call(lambda x: tdint.load_model(STORY).replace(damping=x), 10**400),

@@ -297,21 +297,6 @@ def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: N
     assert f"<limitStates>{' '.join(states)}</limitStates>" in Path("f.xml").read_text()
 
 
-def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> list[Fragility]:
-    """Return three copies of all runs of class A, with the states slight at 0.015 m and complete at
-    0.06 m and a dispersion of 0.3."""
-    x, y, above, collapsed = [], [], [], []
-    for part in (math.exp(-0.3 * math.sqrt(1.5)), 1.0, math.exp(0.3 * math.sqrt(1.5))):
-        for intensity, value, has_collapsed in zip(im, demand, fell, strict=True):
-            x.append(intensity)
-            above.append(not has_collapsed and part * value >= 0.06)
-            y.append(min(part * value, 0.06))
-            collapsed.append(has_collapsed)
-    return fit_cloud(
-        x, y, [0.015], above, collapsed=collapsed, lower_threshold=0.015, values_per_demand=3
-    )
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -470,11 +455,9 @@ def test_clouds_use_the_requested_measure_of_the_pair(
     region: Path, tdint: Command, im: str, column: str, imt: str
 ) -> None:
     """Clouds are computed separately from the geometric mean of both components, for each type and
-    for a single building. The regression includes the demands of all runs without collapse; demands
-    above the heaviest state are censored above it, and demands below the lightest state below it.
-    Collapses have their own probability. Each run
-    is used with three thresholds, so that beta includes their dispersion. Sa is at the period of
-    the capacity curve of the class."""
+    for a single building. The regression includes the demands of all runs without collapse, and
+    does not depend on the other states. Collapses have their own probability. Beta includes the
+    dispersion of the thresholds. Sa is at the period of the capacity curve of the class."""
     call = (
         "fragility", "out", "--by", "type", "--im", im, "--fit", "cloud", "-o", "f.csv",
         "--openquake", "f.xml",
@@ -492,12 +475,11 @@ def test_clouds_use_the_requested_measure_of_the_pair(
             x.append(mean[run["building"], run["record"], run["scale"]])
             fell.append(run["status"] != "done")
             y.append(0.06 if fell[-1] else float(row["spectral_displacement_m"]))
-    (line,) = dispersed_cloud(x, y, fell)
+    (line,) = fit_cloud(x, y, [0.015], collapsed=fell, dispersion=0.3)
     row = next(row for row in rows("f.csv") if (row["type"], row["state"]) == ("A", "slight"))
     assert (float(row["theta"]), float(row["beta"])) == pytest.approx(
         (line.theta, line.beta), rel=1e-6
     )
-    assert int(row["below"]) == sum(demand < 0.015 for demand in y) > 0
     assert (int(row["runs"]), int(row["censored"])) == (len(x), sum(fell))
     # The number of ground motions does not depend on fit and type.
     assert {found["motions"] for found in rows("f.csv")} == {"4"}

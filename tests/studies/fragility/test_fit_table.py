@@ -12,9 +12,13 @@ import pytest
 from facts import each_states, states
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
-from tdint.model.damage_states import DamageStates
-from tdint.studies.fragility.fit_table import FragilityRequest, fit_table, fragility
-from tdint.studies.fragility.fit_types import TypeRuns, fit_states
+from tdint.studies.fragility.fit_table import (
+    FragilityRequest,
+    SuiteRuns,
+    fit_states,
+    fit_table,
+    fragility,
+)
 from tdint.studies.fragility.fits import fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_function import Fragility
 from tdint.studies.fragility.measure_comparison import line
@@ -101,27 +105,23 @@ def test_stripes_of_type_require_three_motions_per_level(
     motions: tuple[int, ...], fit: str
 ) -> None:
     """Each type has four buildings, and all runs under one ground motion count once."""
-    states = DamageStates("drift_ratio", ("light",), (0.01,), 0.4, ())
+    states = {"light": 0.01}
     pairs = [(level, motion) for level, count in enumerate(motions) for motion in range(count)]
     level, motion = np.repeat(np.array(pairs), 4, axis=0).T
     demand = 0.005 * 1.3**level * np.exp(0.3 * RANDOM.standard_normal(level.size))
-    runs = TypeRuns(
-        states,
-        1.0 + level,
-        demand,
-        np.zeros(level.size, bool),
-        motion,
-        np.ones(level.size),
-        0,
-        "pga",
-        "m/s^2",
-    )
-    (found,) = fit_states(runs, FragilityRequest())
+    runs = SuiteRuns(1.0 + level, demand, motion, np.ones(level.size), ("pga", "m/s^2"))
+    (found,) = fit_states(runs, states, FragilityRequest(), 0.4)
     assert isinstance(found, Fragility) and found.fit == fit
-    at_one = replace(runs, im=np.ones(level.size))
-    for refused in [at_one] + [runs] * (fit == "cloud"):
-        with pytest.raises(UsageError, match="no common intensity levels"):
-            fit_states(refused, FragilityRequest(fit="stripes"))
+    (at_one,) = fit_states(replace(runs, im=np.ones(level.size)), states, FragilityRequest(), 0.4)
+    assert "light: all records are at the intensity level 1" in str(at_one)
+    # The levels of a campaign are never fitted as a cloud, unless it is requested.
+    levels = replace(runs, has_levels=True)
+    for data, request in ((runs, FragilityRequest(fit="stripes")), (levels, FragilityRequest())):
+        if fit == "cloud":
+            with pytest.raises(UsageError, match="no common intensity levels"):
+                fit_states(data, states, request)
+    (cloud,) = fit_states(levels, states, FragilityRequest(fit="cloud"))
+    assert (isinstance(cloud, Fragility) and cloud.fit == "cloud") is (fit == "cloud")
 
 
 def test_runs_at_individual_levels_are_fitted_as_cloud(tmp_path: Path) -> None:
@@ -313,30 +313,17 @@ def test_failed_fits_are_reported_next_to_successful_fits(tmp_path: Path) -> Non
     assert [str(fit)[:13] for fit in both.failures] == ["threshold 10:"]
 
 
-class PairStore:
-    """Store with one pair of components whose records have different names."""
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        return None
-
-    def events(self):
-        return {}
-
-    def records(self):
-        return {1: ("a.txt", "HN1", 1), 2: ("b.txt", "HN2", 2), 3: ("c.txt", "HN1", 1)}
-
-
 @pytest.mark.parametrize(
-    ("columns", "motions"), [(("record", "component"), [0, 0, 1, 0]), (("record",), [0, 1, 2, 0])]
+    ("columns", "motions"),
+    [
+        (("record", "component", "motion"), [0, 0, 1, 0]),  # the table of a campaign
+        (("record", "component"), [0, 1, 2, 0]),
+        (("record",), [0, 1, 2, 0]),
+    ],
 )
-def test_rows_are_assigned_to_motions_without_component_column(
-    tmp_path, monkeypatch, columns, motions
-):
-    monkeypatch.setattr("tdint.studies.fragility.measures.store_of_table", lambda _: PairStore())
-    rows = [("a.txt", "HN1"), ("b.txt", "HN2"), ("c.txt", "HN1"), ("a.txt", "HN1")]
+def test_rows_are_assigned_to_motions(tmp_path, columns, motions):
+    rows = [("a.txt", "HN1", "1"), ("b.txt", "HN2", "1"), ("c.txt", "HN1", "3"),
+            ("a.txt", "HN1", "1-2")]  # fmt: skip
     lines = [",".join(columns), *(",".join(row[: len(columns)]) for row in rows)]
     file = tmp_path / "runs.csv"
     file.write_text("\n".join(lines) + "\n")
@@ -354,13 +341,11 @@ def test_collapses_are_kept_if_all_thresholds_are_below_the_range(by_type: bool,
     request = FragilityRequest("cloud", (0.5 * low,), (low, math.inf))
     found = fit_table(table(tmp_path, im), request).functions[0]
     if by_type:
-        states = DamageStates("drift_ratio", ("light",), request.thresholds, 0.0, ())
-        demand = np.where(fell, states.medians[-1], DRIFT).ravel()
+        states = dict.fromkeys(["light"], 0.5 * low)
+        demand = np.where(fell, math.inf, DRIFT).ravel()
         motion = np.arange(DRIFT.size)
-        runs = TypeRuns(
-            states, im.ravel(), demand, fell.ravel(), motion, np.ones(im.size), 0, "pga", "m/s^2"
-        )
-        found = fit_states(runs, request)[0]
+        runs = SuiteRuns(im.ravel(), demand, motion, np.ones(im.size), ("pga", "m/s^2"))
+        found = fit_states(runs, states, request)[0]
     (expected,) = fit_cloud(
         im[is_kept], DRIFT[is_kept], request.thresholds, collapsed=fell[is_kept]
     )

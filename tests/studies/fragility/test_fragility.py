@@ -109,41 +109,30 @@ def test_cloud_without_censoring_is_least_squares():
         assert found.beta == pytest.approx(sigma / slope, rel=1e-9)
 
 
-def test_cloud_ignores_demands_below_lower_threshold():
-    """Demands follow a steep line above 0.01 and a flat line below. The medians equal those of the
-    steep line within three standard errors, but not if all demands are used. The likelihood is a
-    maximum, as confirmed by another minimizer."""
+def test_cloud_of_equal_buildings_and_uncertain_thresholds():
+    """A row of the weight 3 equals three rows: the line is the same, and sigma divides by the
+    number of demands. The variance of the thresholds is added to the variance about the line, with
+    and without collapses."""
     random = np.random.default_rng(3)
-    x, scatter = random.uniform(-2.5, 1.0, 2000), 0.3 * random.standard_normal(2000)
-    y = math.log(0.01) + 2.0 * x + scatter
-    low = y < math.log(0.01)
-    y[low] = math.log(0.01) + 0.3 * (y[low] - math.log(0.01))
-    im, edp, states = np.exp(x), np.exp(y), [0.01, 0.02, 0.04]
-    found = fit_cloud(im, edp, states, lower_threshold=0.01)
-    for function, bent in zip(found, fit_cloud(im, edp, states), strict=True):
-        above = math.log(function.threshold / 0.01) / 2.0
-        assert abs(math.log(function.theta) - above) < 3.0 * function.theta_error
-        assert abs(function.beta - 0.15) < 3.0 * function.beta_error
-        assert abs(math.log(bent.theta) - above) > 10.0 * function.theta_error or bent.beta > 0.2
-    assert found[0].cloud.light == low.sum()
-    # The fit does not depend on the values below the threshold.
-    (same,) = fit_cloud(im, np.where(low, 1e-3 * edp, edp), [0.02], lower_threshold=0.01)
-    assert (same.theta, same.beta) == pytest.approx((found[1].theta, found[1].beta), rel=1e-9)
-
-    def likelihood(p):
-        z = (np.maximum(y, math.log(0.01)) - p[0] - p[1] * x) / p[2]
-        return -np.sum(np.where(low, norm.logcdf(z), norm.logpdf(z) - math.log(p[2])))
-
-    best = minimize(
-        likelihood, [-4.6, 2.0, 0.3], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-11}
-    )
-    cloud = found[0].cloud
-    exact = np.sum(~low)
-    best.x[2] *= math.sqrt(exact / (exact - 2))
-    assert best.x == pytest.approx([cloud.intercept, cloud.slope, cloud.sigma], abs=1e-5)
-    # If too few demands are above the threshold, all demands are used unchanged.
-    few = fit_cloud(im, edp, [0.02], lower_threshold=2.0 * edp.max())[0]
-    assert few.cloud.light == 0 and few.theta == fit_cloud(im, edp, [0.02])[0].theta
+    im = np.exp(random.uniform(-2.5, 1.0, 40))
+    edp = 0.01 * im**1.5 * np.exp(0.3 * random.standard_normal(40))
+    count = np.where(im < 0.4, 3, 1)
+    (found,) = fit_cloud(im, edp, [0.02], weight=10.0 * count)
+    (same,) = fit_cloud(np.repeat(im, count), np.repeat(edp, count), [0.02])
+    assert found.theta == pytest.approx(same.theta) != fit_cloud(im, edp, [0.02])[0].theta
+    n = count.sum()
+    assert found.beta / same.beta == pytest.approx(math.sqrt(40 / 38 * (n - 2) / n))
+    (uncertain,) = fit_cloud(im, edp, [0.02], weight=count, dispersion=0.4)
+    spread = math.hypot(found.cloud.sigma, 0.4) / found.cloud.slope
+    assert (uncertain.theta, uncertain.beta) == pytest.approx((found.theta, spread))
+    fell = im > np.quantile(im, 0.7)
+    fell[np.argmax(im)] = False
+    (mixed,) = fit_cloud(im, edp, [0.02], collapsed=fell, weight=count, dispersion=0.4)
+    repeated = [np.repeat(values, count) for values in (im, edp, fell)]
+    (copies,) = fit_cloud(*repeated[:2], [0.02], collapsed=repeated[2])
+    mixture = mixed.cloud.mixture
+    assert mixture[3:] == pytest.approx(copies.cloud.mixture[3:])
+    assert mixture.sigma == pytest.approx(math.hypot(mixed.cloud.sigma, 0.4))
 
 
 def test_censored_cloud_agrees_with_minimizer():

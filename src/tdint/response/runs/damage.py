@@ -78,9 +78,8 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
     """
     # The probability of a state is the probability of reaching it minus the probability of reaching
     # the next state. The first outcome is no damage; the last outcomes are the types of collapse.
-    reaching = np.column_stack(
-        [np.ones(demand.size), exceedance(states, demand), np.zeros(demand.size)]
-    )
+    exceeding = exceedance(demand, np.array(states.medians), states.dispersion)
+    reaching = np.column_stack([np.ones(demand.size), exceeding, np.zeros(demand.size)])
     result = np.zeros((demand.size, len(states.outcomes)))
     result[:, : -len(FALLEN)] = reaching[:, :-1] - reaching[:, 1:]
     for run, run_status in enumerate(status):
@@ -91,7 +90,7 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
     return result
 
 
-def exceedance(states: DamageStates, demand: Array) -> Array:
+def exceedance(demand: Array, medians: Array, dispersion: float) -> Array:
     """Return the probability of reaching or exceeding each damage state at the demand of each run,
     Phi(ln(demand / median) / dispersion).
 
@@ -100,11 +99,10 @@ def exceedance(states: DamageStates, demand: Array) -> Array:
     ndarray, shape (runs, states)
         Probabilities. Without dispersion, they are 0 or 1.
     """
-    medians = np.array(states.medians)
-    if states.dispersion == 0.0:
+    if dispersion == 0.0:
         return np.asarray(demand[:, np.newaxis] >= medians, float)
     with np.errstate(divide="ignore"):  # a demand of zero has the probability 0
-        return np.asarray(ndtr(np.log(demand[:, np.newaxis] / medians) / states.dispersion))
+        return np.asarray(ndtr(np.log(demand[:, np.newaxis] / medians) / dispersion))
 
 
 def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> RunDamage | None:

@@ -451,7 +451,8 @@ def level_measure(store: Store) -> tuple[str, str] | None:
     if "levels" in settings:
         name, period = settings["measure"], settings["period"]
         unit = measure_at(name, SA_DAMPING, 1.0).unit
-        return f"{name}({period})" if name in SPECTRAL else name, unit
+        period_text = period if isinstance(period, str) else f"{period:g}"
+        return f"{name}({period_text})" if name in SPECTRAL else name, unit
     if "factor_levels" in settings:
         return "level", settings["level_unit"]
     # The settings contain the SHA-256 of a grid or of ground motion fields if the campaign has

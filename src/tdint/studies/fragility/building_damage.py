@@ -35,7 +35,7 @@ from tdint.studies.motions.outcomes import (
     outcomes_of,
     worst_runs,
 )
-from tdint.studies.motions.pairs import PairRule
+from tdint.studies.motions.pairs import SEPARATE
 from tdint.studies.store.result_store import Store
 
 _COLUMNS = {quantity.name: quantity.column for quantity in RUN}
@@ -61,8 +61,9 @@ class BuildingDamage(RunDamage):
     ----------
     keys : list of Run
         Record, factor and sample of each run.
-    names : list of str
-        Name of the ground motion of each run at its level.
+    motion : ndarray of int, shape (runs,)
+        Index of the ground motion of each run at its level, which the components of a pair have in
+        common.
     level : ndarray, shape (runs,)
         Level of each run (`tdint.studies.campaign.chunks.Place`); 1 without levels.
     sa, pga : ndarray, shape (runs,)
@@ -79,20 +80,13 @@ class BuildingDamage(RunDamage):
     type: str
     period: float
     keys: list[Run]
-    names: list[str]
+    motion: Indices
     level: Array
     sa: Array
     pga: Array
     equal: float = 1.0
     cost: float = math.nan
     cells: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def rank(self) -> NDArray[np.intp]:
-        """Index of the level of each run in the levels of the building, in ascending order of their
-        magnitude, shape (runs,)."""
-        levels = sorted(set(self.level.tolist()), key=abs)
-        return np.array([levels.index(level) for level in self.level.tolist()], np.intp)
 
 
 def building_damages(
@@ -146,7 +140,7 @@ def building_damages(
             period=period,
             states=states,
             keys=runs,
-            names=[row[8] for row in rows],
+            motion=indices_of((*row[8:], row[3]) for row in rows),
             level=np.array([1.0 if row[9] is None else row[9] for row in rows]),
             status=status,
             demand=demand,
@@ -159,30 +153,22 @@ def building_damages(
         )
 
 
-def motion_of_runs(damage: BuildingDamage, rule: PairRule) -> Indices:
-    """Return the index of the motion of each run of a building; each level and sample has other
-    motions."""
-    runs = zip(damage.keys, damage.names, damage.level.tolist(), strict=True)
-    return indices_of((rule.motion_key(run, name), level) for run, name, level in runs)
-
-
-def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
+def damage_by_motion(damage: BuildingDamage, pair_demand: str) -> BuildingDamage:
     """Return the damage of a building with a single entry per ground motion and level instead of
-    per run.
+    per run, unless components count separately.
 
-    The rule determines the demand of a pair, and the demand determines its damage. Key, name,
-    level, Sa(T1) and PGA are the values of the first component.
+    The rule determines the demand of a pair, and the demand determines its damage. Key, level,
+    Sa(T1) and PGA are the values of the first component.
     """
-    motion = motion_of_runs(damage, rule)
-    firsts = first_runs(motion)
-    if firsts.size == motion.size:
+    motion, firsts = damage.motion, first_runs(damage.motion)
+    if firsts.size == motion.size or pair_demand == SEPARATE:
         return damage
-    demand = demands_of_motions(motion, damage.demand, rule.demand)
+    demand = demands_of_motions(motion, damage.demand, pair_demand)
     status = [damage.status[run] for run in worst_runs(motion, outcomes_of(damage.status))]
     return replace(
         damage,
         keys=[damage.keys[index] for index in firsts],
-        names=[damage.names[index] for index in firsts],
+        motion=np.arange(firsts.size),
         level=damage.level[firsts],
         status=status,
         demand=demand,
@@ -330,6 +316,11 @@ class TypeDamage:
             return Mean(*np.full((2, 1), math.nan))
         return Mean(self.value * self.loss.value, self.value * self.loss.error)
 
+    def mean_loss(self, *, costs: bool) -> Mean:
+        """Return the mean loss of these buildings, in the unit of the costs if the inventory has
+        costs, otherwise as a ratio."""
+        return self.money if costs else self.loss
+
     @property
     def scatter(self) -> tuple[float, float]:
         """Standard deviation of the total loss, for independent and for fully correlated losses of
@@ -360,7 +351,7 @@ def group_damages(
     rule, events = store.pair_rule(), ["", *store.events()]
     groups: dict[tuple[str, int, float], TypeDamage] = {}
     for run_damage in building_damages(store):
-        damage = damage_by_motion(run_damage, rule)
+        damage = damage_by_motion(run_damage, rule.demand)
         name = damage.type if by is None else damage.cells.get(by.lower(), "")
         motions = np.array([rule.recordings[record] for record, _, _ in damage.keys])
         # With ground motion fields, the sample of a run is the number of its event.

@@ -69,7 +69,7 @@ class CollapseCloud(NamedTuple):
         return self._replace(b0=self.b0 - self.b1 * logarithm, a0=self.a0 - self.a1 * logarithm)
 
 
-def collapse_line(im: Array, collapsed: NDArray[np.bool_]) -> tuple[float, float]:
+def collapse_line(im: Array, collapsed: NDArray[np.bool_], weight: Array) -> tuple[float, float]:
     """Fit the probability of collapse 1 / (1 + exp(-a0 - a1 ln s)) by maximum likelihood, and
     return a0 and a1.
 
@@ -88,10 +88,10 @@ def collapse_line(im: Array, collapsed: NDArray[np.bool_]) -> tuple[float, float
     a = np.zeros(2)
     for _ in range(_MAX_STEPS):
         p = expit(design @ a)
-        information = (design.T * (p * (1.0 - p))) @ design
+        information = (design.T * (weight * p * (1.0 - p))) @ design
         if not np.isfinite(information).all() or np.linalg.cond(information) > 1e14:
             break
-        step = np.linalg.solve(information, design.T @ (collapsed - p))
+        step = np.linalg.solve(information, design.T @ (weight * (collapsed - p)))
         a = a + step
         if np.max(np.abs(step)) < 1e-12 * max(1.0, float(np.max(np.abs(a)))):
             if a[1] > 0.0:

@@ -358,7 +358,7 @@ def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
     # events without a result are omitted.
     curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
     for group in chain(group_damages(store, by=""), group_damages(store, by=by) if by else ()):
-        mean_loss = float((group.money if costs else group.loss).value[0])
+        mean_loss = float(group.mean_loss(costs=costs).value[0])
         if not math.isnan(mean_loss):
             key = group.inventory_entry, group.level
             curves.setdefault(key, []).append((mean_loss, group))
@@ -389,7 +389,7 @@ def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
                 cell_text(event.event),
                 event_rates[index],
                 mean_loss,
-                float((event.money if costs else event.loss).error[0]),
+                float(event.mean_loss(costs=costs).error[0]),
                 *event.scatter,
                 float(np.sum(event_rates[: index + 1])),
                 *(

@@ -9,7 +9,7 @@ supported also. The columns `threshold`, `im_name` and `unit` are optional.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from tdint.files import is_file, is_folder
 from tdint.number_parsing import pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
+from tdint.response.runs.damage import exceedance
 from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_levels, fit_stripes
 from tdint.studies.fragility.fragility_function import (
     CLOUD,
@@ -41,8 +42,6 @@ from tdint.studies.fragility.measures import (
     LEVEL,
     column_of,
     combine_pair_intensities,
-    first_period_of_runs,
-    is_level,
     measure_of_campaign,
     motion_of_rows,
     motions_if_known,
@@ -52,13 +51,13 @@ from tdint.studies.fragility.measures import (
     with_measures,
 )
 from tdint.studies.motions.outcomes import (
-    COLLAPSED,
-    FAILED,
     demands_of_motions,
     first_runs,
     outcomes_of,
     outcomes_of_motions,
+    with_outcomes,
 )
+from tdint.studies.motions.pairs import PairRule
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION, suffix
 
@@ -429,18 +428,28 @@ def _fit_capacity_rows(
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit functions to a cloud, a table with an intensity (`im`) and a demand (`edp`) in each row,
-    and optionally the column `censored`."""
+    """Fit functions to a table with the columns `im`, `edp` and optionally `censored`, one for each
+    requested threshold."""
     im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
-    return _cloud(
-        table, request, im, edp, np.array(table.truths("censored")), motion=motions_if_known(table)
-    )
+    names = (table.only("im_name"), table.only("unit"))
+    censored = np.array(table.truths("censored"))
+    runs = SuiteRuns(im, edp, motions_if_known(table), np.ones(im.size), names, censored=censored)
+    return _fit_thresholds(table, runs, replace(request, fit=CLOUD))
+
+
+def _fit_thresholds(table: CsvTable, runs: SuiteRuns, request: FragilityRequest) -> FragilityResult:
+    """Fit functions for the requested thresholds; UsageError is raised if none is requested."""
+    if not request.thresholds:
+        raise UsageError(f"{table.source}: a demand threshold is required; specify --threshold")
+    thresholds = {f"threshold {threshold:g}": threshold for threshold in request.thresholds}
+    try:
+        return FragilityResult.of(fit_states(runs, thresholds, request))
+    except UsageError as error:
+        raise UsageError(f"{table.source}: {error}") from None
 
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit the requested type of function to the runs of a study; by default stripes if each
-    intensity level has enough runs, otherwise a cloud. Runs without a result count neither as
-    exceedance nor as non-exceedance.
+    """Fit functions to the runs of a study, with the components of pairs combined.
 
     Raises
     ------
@@ -450,121 +459,78 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     ModelError
         The table contains several buildings, or no run has a result.
     """
-    runs = _Runs(table, request)
-    # Numbers of runs with a result at the levels that have such runs
-    counts = np.unique(runs.level[runs.result], return_counts=True)[1]
-    has_stripes = int(counts.min()) >= MIN_RUNS_PER_LEVEL
-    # Runs of a campaign with levels are stripes: a cloud must be requested.
-    fit = request.fit or (STRIPES if has_stripes or runs.has_levels else CLOUD)
-    # If the intensities of all runs differ, each run would be a separate stripe.
-    if fit == STRIPES and not has_stripes:
-        raise UsageError(f"{table.source}: {NO_COMMON_LEVELS}")
-    _check_thresholds(table, request)
-    failed_count = int(np.sum(~runs.result))
-    omission_text = (
-        f"{table.source}: {failed_count} of {runs.result.size} runs have no result and are omitted"
+    runs, rule = _suite_runs(table, request)
+    result = _fit_thresholds(table, runs, request)
+    functions = tuple(
+        replace(function, pair_demand=rule.demand_if_pairs) for function in result.functions
     )
-    if fit == CLOUD:
-        # A collapse exceeds every threshold. Its demand is not used, because the drift where the
-        # run was stopped depends on the method.
-        is_used = runs.result
-        drift = np.where(runs.collapsed, math.inf, runs.drift)[is_used]
-        im, motion = runs.im[is_used], runs.motion[is_used]
-        censored = np.zeros(im.size, bool)
-        result = _cloud(table, request, im, drift, censored, runs.names, motion)
-    else:
-        result = FragilityResult.of(
-            _fit_at_threshold(drift, runs.names, partial(_fit_with_bounds, runs, drift))
-            for drift in request.thresholds
-        )
+    failed_count = int(np.sum(np.isnan(runs.demand)))
+    omission_text = (
+        f"{table.source}: {failed_count} of {runs.im.size} runs have no result and are omitted"
+    )
+    if any(function.fit == STRIPES for function in result.functions):
         omission_text += (
             ", which biases the fits; the bounds are the fits that count all of these runs as "
             "exceeding, or none of them"
         )
-    functions = (
-        replace(item, failed=failed_count, pair_demand=runs.pairs.demand_if_pairs)
-        for item in result.functions
-    )
     return replace(
         result,
-        functions=tuple(functions),
+        functions=functions,
         warnings=(omission_text,) if failed_count else (),
-        notes=(
-            *((runs.pairs.note(),) if runs.pairs.pairs and not request.pair_demand else ()),
-            *((NO_LEVELS,) if fit == CLOUD and not request.fit else ()),
-        ),
+        notes=notes_of_fits(result, request, rule),
     )
 
 
-class _Runs:
-    """Runs of a table of runs of one building, with the components of pairs combined; all arrays
-    have the shape (n,).
+def notes_of_fits(
+    result: FragilityResult, request: FragilityRequest, rule: PairRule
+) -> tuple[str, ...]:
+    """Return the notes on choices that the user did not make: the rule for pairs, and the cloud."""
+    is_cloud = any(function.fit == CLOUD for function in result.functions)
+    return (
+        *((rule.note(),) if rule.pairs and not request.pair_demand else ()),
+        *((NO_LEVELS,) if is_cloud and not request.fit else ()),
+    )
 
-    ModelError is raised if the table contains several buildings, or no run has a result;
-    UsageError, if it does not contain the intensity measure.
 
-    Attributes
-    ----------
-    im, level : ndarray
-        Intensity, and index of its intensity level, from 0.
-    drift, motion : ndarray
-        Maximum drift ratio, and index of the recording.
-    collapsed, result : ndarray of bool
-        True if the building collapsed; True if the run has a result.
-    names : tuple of str
-        Name and unit of the intensity measure.
-    pairs : PairRule
-        Rule for the components of pairs.
-    has_levels : bool
-        True if the intensities are the levels of a campaign.
-    """
-
-    def __init__(self, table: CsvTable, request: FragilityRequest) -> None:
-        """Read the runs and combine the components of pairs."""
-        try:
-            table.only("building")
-        except ModelError as error:
-            raise ModelError(
-                f"{error}, or fit functions of each building of a campaign's directory with "
-                "--by building"
-            ) from None
-        status = table.texts("status")
-        drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-
-        column, name, unit = _intensity_column(table, request)
-        im = np.array(table.numbers(column, empty=True))
-        motion = motions_of(table)
-        self.has_levels = column == LEVEL
-
-        # Combine the runs under both components of a pair at a level into one run: the intensity is
-        # the geometric mean, the rule for pairs combines the drifts, and either component can cause
-        # collapse. The columns `im` and `level` contain the intensity of the pair already.
-        rule, motion_at_level = motion_of_rows(table, request.pair_demand)
-        if column not in ("im", LEVEL):
-            im = combine_pair_intensities(table, im)
-        firsts = first_runs(motion_at_level)
-        outcome = outcomes_of_motions(motion_at_level, outcomes_of(status))
-        if firsts.size < len(table.rows):
-            drift = demands_of_motions(motion_at_level, drift, rule.demand)
-            im, motion = im[firsts], motion[firsts]
-
-        # Omit runs without an intensity. Runs without a drift ratio have no result.
-        has_intensity = im > 0.0
-        has_result = (outcome != FAILED) & (drift > 0.0) & has_intensity
-        if not has_result.any():
-            raise ModelError(
-                f"{table.source}: no run has both an intensity and a result; at least one "
-                "completed run is required, and load cases (key `forces` of a campaign) have no "
-                "intensity"
-            )
-        self.im = im[has_intensity]
-        self.level = levels_of(self.im)
-        self.drift = drift[has_intensity]
-        self.collapsed = (outcome == COLLAPSED)[has_intensity]
-        self.result = has_result[has_intensity]
-        self.motion = motion[has_intensity]
-        self.names = (name, unit)
-        self.pairs = rule
+def _suite_runs(table: CsvTable, request: FragilityRequest) -> tuple[SuiteRuns, PairRule]:
+    """Return the runs of a table of runs of one building, with the components of pairs combined,
+    and the rule for pairs."""
+    try:
+        table.only("building")
+    except ModelError as error:
+        raise ModelError(
+            f"{error}, or fit functions of each building of a campaign's directory with "
+            "--by building"
+        ) from None
+    column, *names = _intensity_column(table, request)
+    im = np.array(table.numbers(column, empty=True))
+    rule, motion_at_level = motion_of_rows(table, request.pair_demand)
+    # The columns `im` and `level` contain the intensity of the pair already.
+    if column not in ("im", LEVEL):
+        im = combine_pair_intensities(table, im)
+    firsts = first_runs(motion_at_level)
+    drift = np.array(table.numbers("peak_drift_ratio", empty=True))
+    demand = with_outcomes(
+        demands_of_motions(motion_at_level, drift, rule.demand),
+        outcomes_of_motions(motion_at_level, outcomes_of(table.texts("status"))),
+    )
+    demand[~(demand > 0.0)] = math.nan  # runs without a drift ratio have no result
+    has_intensity = im[firsts] > 0.0
+    runs = SuiteRuns(
+        im[firsts][has_intensity],
+        demand[has_intensity],
+        motions_of(table)[firsts][has_intensity],
+        np.ones(int(np.sum(has_intensity))),
+        (names[0], names[1]),
+        has_levels=column == LEVEL,
+    )
+    if np.isnan(runs.demand).all():
+        raise ModelError(
+            f"{table.source}: no run has both an intensity and a result; at least one "
+            "completed run is required, and load cases (key `forces` of a campaign) have no "
+            "intensity"
+        )
+    return runs, rule
 
 
 def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
@@ -579,9 +545,9 @@ def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, 
         return "im", table.only("im_name"), table.only("unit")
     with store_of_table(table) as store:
         measure = measure_of_campaign(store, request.measure)
-        has_level = store is not None and is_level(store, measure)
-    name = measure.label(first_period_of_runs(table))
-    if has_level and table.has(LEVEL):
+        periods = dict(store.first_periods()) if store is not None else {}
+    name = measure.label(periods.get(table.only("building")))
+    if measure.column == LEVEL and table.has(LEVEL):
         return LEVEL, name, measure.unit
     has_column = any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION)
     if request.measure is None and not has_column:
@@ -592,82 +558,161 @@ def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, 
     return column, name, unit
 
 
-def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
-    """Fit a function to the stripes of the runs that have a result. If some runs have no result,
-    add two fits as bounds: the first counts these runs as exceedances of the threshold; the second
-    counts them as runs that do not exceed it.
+@dataclass(frozen=True)
+class SuiteRuns:
+    """Runs of a group, the buildings of a type or a single building: one entry for each building,
+    ground motion and level. All arrays have the shape (n,).
+
+    Attributes
+    ----------
+    im : ndarray
+        Intensities in `names[1]`.
+    demand : ndarray
+        Demand of the damage states; infinity is a collapse, NaN a run without a result.
+    motion : ndarray of int | None
+        Ground motion, or event of ground motion fields; None if unknown.
+    weight : ndarray
+        Number of equal buildings.
+    names : tuple of str
+        Name and unit of the intensity measure.
+    has_levels : bool
+        True if the intensities are the levels of a campaign: a cloud must then be requested.
+    censored : ndarray of bool | None
+        True for demands known only to be above their value; None if all are known.
     """
-    exceeding = (runs.collapsed | (runs.drift > threshold)).astype(float)
-    has_result = runs.result
 
-    def fit(is_selected: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        """Fit a function to the runs that a mask selects."""
-        return [fit_levels(runs.im, runs.level, exceeding, is_selected)]
+    im: Array
+    demand: Array
+    motion: NDArray[np.intp] | None
+    weight: Array
+    names: tuple[str, str]
+    has_levels: bool = False
+    censored: NDArray[np.bool_] | None = None
 
-    (function,) = over_motions(fit, has_result, runs.motion)
-    assert isinstance(function, Fragility)
-    function = function.beside_counts(
-        runs.im[has_result], exceeding[has_result], motion=runs.motion[has_result]
-    )
-    if runs.result.all():
-        return function
-    # A fit can be impossible, for example if all runs exceed; then the bound is unknown.
+
+def fit_states(
+    runs: SuiteRuns, states: Mapping[str, float], request: FragilityRequest, dispersion: float = 0.0
+) -> list[Fragility | AnalysisError]:
+    """Fit a fragility function for each damage state (or threshold) of a group of runs.
+
+    By default stripes are fitted if each intensity level has enough ground motions, otherwise a
+    cloud. Runs without a result count neither as exceedance nor as non-exceedance.
+
+    Parameters
+    ----------
+    states : mapping of str to float
+        Name and median demand of each state.
+    dispersion : float
+        Standard deviation of the logarithm of the demand of a state.
+
+    Returns
+    -------
+    list of Fragility or AnalysisError
+        Function of each state, or the error if its fit is impossible.
+
+    Raises
+    ------
+    UsageError
+        Stripes are requested, or the intensities are levels of a campaign, but a level has fewer
+        than three ground motions.
+    """
+    has_result = ~np.isnan(runs.demand)
+    if not has_result.any():
+        reason = "no run has a result; execute the runs of these buildings first"
+        return [AnalysisError(f"{name}: {reason}") for name in states]
+    # Each level counts a ground motion once, for all buildings of the group together.
+    level = levels_of(runs.im)
+    motion = np.arange(level.size) if runs.motion is None else runs.motion
+    places = np.unique(np.column_stack([level, motion])[has_result], axis=0)
+    motions_at_level = np.unique(places[:, 0], return_counts=True)[1]
+    has_stripes = int(motions_at_level.min()) >= MIN_RUNS_PER_LEVEL
+    selected_fit = request.fit or (STRIPES if has_stripes or runs.has_levels else CLOUD)
+    # If the intensities of all runs differ, each run would be a separate stripe.
+    if selected_fit == STRIPES and not has_stripes:
+        raise UsageError(NO_COMMON_LEVELS)
+    censored = np.zeros(level.size, bool) if runs.censored is None else runs.censored
+    medians = np.array([*states.values()])
+    exceeding = exceedance(np.where(censored, math.inf, runs.demand), medians, dispersion).T
+
+    def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+        """Fit each state to the runs that a mask selects, with errors in place of functions."""
+        if selected_fit == CLOUD:
+            try:
+                return [*_cloud(runs, censored, is_used, medians, request.edp_range[1], dispersion)]
+            except AnalysisError as error:
+                return [AnalysisError(f"{name}: {error}") for name in states]
+        fits: list[Fragility | AnalysisError] = []
+        # The number of exceedances at a level is the sum of the probabilities of its runs.
+        for name, probabilities in zip(states, exceeding, strict=True):
+            try:
+                fits.append(fit_levels(runs.im, level, probabilities, is_used, runs.weight))
+            except AnalysisError as error:
+                fits.append(AnalysisError(f"{name}: {error}"))
+        return fits
+
+    is_kept = has_result & ((runs.demand >= request.edp_range[0]) | (selected_fit == STRIPES))
+    result: list[Fragility | AnalysisError] = []
+    for state_fit, median, probabilities in zip(
+        over_motions(fit, is_kept, runs.motion), medians.tolist(), exceeding, strict=True
+    ):
+        if isinstance(state_fit, Fragility):
+            named = state_fit.named(median, *runs.names)
+            is_known = is_kept & ~(censored & (runs.demand < median))
+            state_fit = named.beside_counts(
+                runs.im[is_known],
+                probabilities[is_known],
+                runs=runs.weight[is_known],
+                motion=None if runs.motion is None else runs.motion[is_known],
+            )
+            state_fit = replace(state_fit, failed=int(np.sum(~has_result)))
+            if selected_fit == STRIPES and not has_result.all():
+                bounds = _bounds(runs, level, probabilities, has_result)
+                state_fit = replace(state_fit, bounds=bounds)
+        result.append(state_fit)
+    return result
+
+
+def _bounds(
+    runs: SuiteRuns, level: NDArray[np.intp], exceeding: Array, has_result: NDArray[np.bool_]
+) -> tuple[Fragility | None, Fragility | None]:
+    """Return two fits to stripes as bounds for runs without a result: the first counts these runs
+    as exceedances; the second counts them as runs that do not exceed."""
     bounds: list[Fragility | None] = []
     for of_failed in (1.0, 0.0):
+        counted = np.where(has_result, exceeding, of_failed)
+        every = np.ones_like(has_result)
         try:
-            counted = np.where(has_result, exceeding, of_failed)
-            bounds.append(fit_levels(runs.im, runs.level, counted, np.ones_like(has_result)))
+            bounds.append(fit_levels(runs.im, level, counted, every, runs.weight))
         except AnalysisError:
             bounds.append(None)
-    return replace(function, bounds=(bounds[0], bounds[1]))
+    return bounds[0], bounds[1]
 
 
 def _cloud(
-    table: CsvTable,
-    request: FragilityRequest,
-    im: Array,
-    edp: Array,
+    runs: SuiteRuns,
     censored: NDArray[np.bool_],
-    names: tuple[str, str] | None = None,
-    motion: NDArray[np.intp] | None = None,
-) -> FragilityResult:
-    """Fit a function to a cloud for each requested threshold. If the cloud cannot be fitted, the
-    result contains the reason and no function.
+    is_used: NDArray[np.bool_],
+    medians: Array,
+    largest: float,
+    dispersion: float,
+) -> list[Fragility]:
+    """Fit functions to a line through the logarithms of the demands over the intensities.
 
-    Censored demands are known only to be above their value; infinity is a collapse. By default, the
-    name and unit of the intensity measure are the columns `im_name` and `unit`, and the rows belong
-    to independent ground motions (`motion`).
+    Demands of at least `largest` count only as lower limits. A collapse exceeds every threshold and
+    has a probability of its own: the drift where the run was stopped is not used.
     """
-    _check_thresholds(table, request)
-    low_edp, high_edp = request.edp_range
-    is_kept = edp >= low_edp
-    # For each threshold, `is_known` is True for the rows of which it is known whether they exceed
-    # the threshold. A censored demand below the threshold may or may not exceed it.
-    is_known = [is_kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
-    exceeding = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
-    collapsed = np.isinf(edp)
-    censored = (censored | (edp >= high_edp)) & ~collapsed
-    im_name, unit = names or (table.only("im_name"), table.only("unit"))
-
-    def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        """Fit a function for each threshold to the rows that a mask selects."""
-        demands = np.where(collapsed, 0.0, np.minimum(edp, high_edp))[is_used]
-        fell, above = collapsed[is_used], censored[is_used]
-        return [*fit_cloud(im[is_used], demands, request.thresholds, above, collapsed=fell)]
-
-    try:
-        functions = [
-            item for item in over_motions(fit, is_kept, motion) if isinstance(item, Fragility)
-        ]
-    except AnalysisError as error:
-        return FragilityResult((), (error,))
-    with_counts = [
-        function.beside_counts(
-            im[is_used], exceeding[is_used], motion=None if motion is None else motion[is_used]
-        )
-        for function, is_used, exceeding in zip(functions, is_known, exceeding, strict=True)
-    ]
-    return FragilityResult(tuple(fit.named(fit.threshold, im_name, unit) for fit in with_counts))
+    is_used = is_used & (runs.demand > 0.0)
+    demand = runs.demand[is_used]
+    collapsed = np.isinf(demand)
+    return fit_cloud(
+        runs.im[is_used],
+        np.where(collapsed, 0.0, np.minimum(demand, largest)),
+        medians,
+        (censored[is_used] | (demand >= largest)) & ~collapsed,
+        collapsed=collapsed,
+        weight=runs.weight[is_used],
+        dispersion=dispersion,
+    )
 
 
 def _by_threshold(
@@ -721,12 +766,6 @@ def _fit_at_threshold(
         return AnalysisError(
             f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error)
         )
-
-
-def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
-    """Raise UsageError if no threshold is specified."""
-    if not request.thresholds:
-        raise UsageError(f"{table.source}: a demand threshold is required; specify --threshold")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ Three fits are available:
 - Capacities of an incremental dynamic analysis: by their moments, or by maximum likelihood if some
   capacities are censored (Baker 2015, eq. 9).
 - Cloud: a line through the logarithms of demand over intensity (Jalayer 2003). Some demands may be
-  censored, that is, known only to be above or below a limit.
+  censored, that is, known only to be above a limit.
 
 All fits use the likelihood of normal observations. Some observations are censored. Each observation
 i has a standardized value z_i = x_i . p, which is linear in the parameters p. The logarithm of the
@@ -392,8 +392,8 @@ def fit_cloud(
     censored: Sequence[bool] | NDArray[np.bool_] | None = None,
     *,
     collapsed: Sequence[bool] | NDArray[np.bool_] | None = None,
-    lower_threshold: float = 0.0,
-    values_per_demand: int = 1,
+    weight: Numbers | None = None,
+    dispersion: float = 0.0,
 ) -> list[Fragility]:
     """Fit a fragility function for each threshold to a cloud, by maximum likelihood.
 
@@ -420,12 +420,11 @@ def fit_cloud(
         True for censored demands; default none censored.
     collapsed : sequence of bool, shape (n,), optional
         True for motions with collapse; default no collapse.
-    lower_threshold : float
-        Smaller demands that are not censored count only as below this value; default 0. Well below
-        the lightest state the response is elastic and follows another line. These demands are not
-        omitted, because a selection by demand would bias the line.
-    values_per_demand : int
-        Number of values in `edp` that represent the same demand; default 1. They count as one.
+    weight : sequence of float, shape (n,), optional
+        Number of equal buildings of each demand, relative to the others; default equal weights. n
+        in sqrt(n / (n - 2)) remains the number of demands.
+    dispersion : float
+        Standard deviation of the logarithm of each threshold; default 0. It is part of beta.
 
     Returns
     -------
@@ -461,24 +460,16 @@ def fit_cloud(
         (np.asarray(thresholds, float), "thresholds"),
     ):
         _check_positive(values, name)
-    lower_threshold = between(lower_threshold, "lower_threshold")
-    below = ~(above | fell) & (y < lower_threshold)
-    # Small demands count only as below the limit if the remaining exact demands determine a line:
-    # at least three demands at more than one intensity. Otherwise all these demands are exact.
-    exact = ~(above | below | fell)
-    if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
-        below = np.zeros(x.size, bool)
-    limited = np.log(np.where(below, lower_threshold, y))
+    weights = np.ones(x.size) if weight is None else np.asarray(weight, float)
     intercept, slope, sigma, covariance = _line(
-        np.log(x[~fell]), limited[~fell], above[~fell], below[~fell]
+        np.log(x[~fell]), np.log(y[~fell]), above[~fell], weights[~fell] / np.mean(weights[~fell])
     )
-    exact_count = float(np.sum(~(above | below | fell))) / values_per_demand
-    if exact_count <= 2.0:
-        raise AnalysisError("a line requires more than two demands that are not censored")
+    exact_count = int(np.sum(~(above | fell)))
     sigma *= math.sqrt(exact_count / (exact_count - 2.0))
+    scatter = math.hypot(sigma, between(dispersion, "dispersion"))
     # The likelihood has the parameters g0 = b0 / sigma, g1 = b1 / sigma and 1 / sigma. Convert
     # their covariance to the covariance of ln theta and beta = 1 / g1 by the delta method.
-    points = CloudPoints(x, y, above | fell, below, intercept, slope, sigma)
+    points = CloudPoints(x, y, above | fell, intercept, slope, sigma)
     common_attributes: dict[str, Any] = {
         "runs": x.size,
         "motions": x.size,
@@ -486,7 +477,8 @@ def fit_cloud(
         "cloud": points,
     }
     if fell.any():
-        mixture = CollapseCloud(intercept, slope, sigma, *collapse_line(x, fell))
+        collapse = collapse_line(x, fell, weights / np.mean(weights))
+        mixture = CollapseCloud(intercept, slope, scatter, *collapse)
         points = replace(points, mixture=mixture, collapsed=int(np.sum(fell)))
         common_attributes["cloud"] = points
         unknown = np.full((2, 2), math.nan)
@@ -500,7 +492,7 @@ def fit_cloud(
             )
             for threshold in thresholds
         ]
-    inverse_beta, functions = slope / sigma, []
+    inverse_beta, functions = slope / scatter, []
     for threshold in thresholds:
         ln_theta = (math.log(threshold) - intercept) / slope
         # The rows are the derivatives of ln theta and beta with respect to (g0, g1, 1 / sigma).
@@ -524,17 +516,16 @@ def fit_cloud(
 
 
 def _line(
-    x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]
+    x: Array, y: Array, above: NDArray[np.bool_], weight: Array
 ) -> tuple[float, float, float, Array]:
     """Fit the line ln EDP = b0 + b1 ln IM with the standard deviation sigma, by maximum likelihood.
     Return b0, b1, sigma, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma).
 
-    `above` and `below` are True for demands known only to be above, or below, their value.
-    AnalysisError is raised if the demands do not determine a line with a positive slope and a
-    dispersion.
+    `above` is True for demands known only to be above their value. AnalysisError is raised if the
+    demands do not determine a line with a positive slope and a dispersion.
     """
-    exact = ~(above | below)
-    if not below.any() and np.unique(x[exact]).size < 3:
+    exact = ~above
+    if np.unique(x[exact]).size < 3:
         raise AnalysisError(
             "a cloud requires at least three different intensities with demands that are not "
             f"censored, got {np.unique(x[exact]).size}; add runs at other intensities"
@@ -549,16 +540,10 @@ def _line(
             "all demands are exactly on one line over the intensities: the dispersion cannot be "
             "estimated; add runs under other ground motions"
         )
-    # With demands known only to be below a limit, the few exact demands may have a slope of either
-    # sign. Start from the line through all demands instead.
-    if below.any():
-        slope, intercept = np.polyfit(x, y, 1)
-        sigma = float(np.sqrt(np.mean((y - intercept - slope * x) ** 2)))
     # The standardized value z = (y - b0 - b1 x) / sigma is linear in the three parameters b0 /
     # sigma, b1 / sigma and 1 / sigma; the last parameter has the index 2.
-    observed = Observations(
-        np.column_stack([-np.ones(x.size), -x, y]), below, above, np.ones(x.size), 2
-    )
+    design = np.column_stack([-np.ones(x.size), -x, y])
+    observed = Observations(design, np.zeros(x.size, bool), above, weight, 2)
     solution = maximize(observed, np.array([intercept, slope, 1.0]) / sigma)
     if solution is None or not solution[0][1] > 0.0:
         raise AnalysisError(

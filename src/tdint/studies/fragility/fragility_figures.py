@@ -248,7 +248,7 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
     Dashed lines have a distance of a standard deviation of the residuals from the regression line.
     Horizontal lines mark the thresholds of `functions`.
     """
-    measured = ~(cloud.censored | cloud.below)
+    measured = ~cloud.censored
     axes.scatter(
         cloud.im[measured],
         cloud.edp[measured],
@@ -259,14 +259,10 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
         label="runs",
     )
     hollow = {"s": 22, "facecolor": "white", "edgecolor": "0.35", "linewidth": 0.8}
-    for limited, marker, label in (
-        (cloud.censored, "^", "above the limit"),
-        (cloud.below, "v", "below the lightest state"),
-    ):
-        if limited.any():
-            axes.scatter(
-                cloud.im[limited], cloud.edp[limited], marker=marker, label=label, **hollow
-            )
+    if (limited := cloud.censored).any():
+        axes.scatter(
+            cloud.im[limited], cloud.edp[limited], marker="^", label="above the limit", **hollow
+        )
     im = np.geomspace(np.min(cloud.im), np.max(cloud.im), 50)
     line = np.exp(cloud.intercept) * im**cloud.slope
     axes.plot(im, line, color=COLORS[0], linewidth=1.8, label=f"slope {cloud.slope:.3g}")

@@ -111,8 +111,8 @@ class CloudPoints:
 
     Attributes
     ----------
-    censored, below : ndarray of bool, shape (n,)
-        True for censored demands, and for demands that count only as below the lightest state.
+    censored : ndarray of bool, shape (n,)
+        True for censored demands and collapses.
     intercept, slope, sigma : float
         Line ln EDP = intercept + slope ln IM, and standard deviation of ln EDP.
     mixture : CollapseCloud | None
@@ -124,17 +124,11 @@ class CloudPoints:
     im: Array
     edp: Array
     censored: NDArray[np.bool_]
-    below: NDArray[np.bool_]
     intercept: float
     slope: float
     sigma: float
     mixture: CollapseCloud | None = None
     collapsed: int = 0
-
-    @property
-    def light(self) -> int:
-        """Number of demands that count only as below the lightest state."""
-        return int(np.sum(self.below))
 
 
 @dataclass(frozen=True)

@@ -59,16 +59,14 @@ FRAGILITY = (
     Column.named("im", "intensity measure, if the table states it", TEXT),
     Column.named("unit", "unit of the intensity measure, if the table states it", TEXT),
 )
-_SEEN = (
-    "; for damage states with dispersion s, each run is used three times, with its demand times "
-    "exp(-1.2247 s), 1 and exp(1.2247 s); demands above the heaviest or below the lightest state "
-    "are censored"
-)
 _LINE = {
-    "b0": ("intercept", f"intercept of the regression of ln EDP on ln IM{_SEEN}"),
+    "b0": ("intercept", "intercept of the regression of ln EDP on ln IM"),
     "b1": ("slope", "slope of the regression of ln EDP on ln IM"),
-    "sigma": ("sigma", "standard deviation of ln EDP about the regression line"),
-    "below": ("light", "number of runs that count only as below all states"),
+    "sigma": (
+        "sigma",
+        "standard deviation of ln EDP about the regression line; beta also contains the dispersion "
+        "of the thresholds of damage states",
+    ),
     "collapsed": (
         "collapsed",
         "number of collapses, which are not points of the line; the function then combines the "

@@ -25,7 +25,6 @@ from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.files import is_file
 from tdint.grids import Grid, parse_grid
-from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import parse_ratio
@@ -35,12 +34,11 @@ from tdint.response.spectra.inelastic import constant_strength
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.story_profiles import level_measure
-from tdint.studies.fragility.building_damage import BuildingDamage, motion_of_runs
+from tdint.studies.fragility.building_damage import BuildingDamage
 from tdint.studies.fragility.fragility_function import JACKKNIFE, Fragility
 from tdint.studies.motions.intensity import (
     AVERAGE,
     GEOMETRIC_MEAN,
-    SPECTRAL,
     check_period,
     geometric_mean,
     unknown_measure,
@@ -51,7 +49,6 @@ from tdint.studies.motions.pairs import (
     SEPARATE,
     PairRule,
     recording_numbers,
-    station_and_code,
 )
 from tdint.studies.store.opening import open_existing
 from tdint.studies.store.result_store import FILE, Store
@@ -332,11 +329,8 @@ class RunIntensities:
         self._record_names = {
             number: (name, component) for number, (name, component, _) in records.items()
         }
-        rule = store.pair_rule()
-        # The intensity of a pair does not depend on the rule for its demand. A rule with the demand
-        # SEPARATE would not group the components.
-        self._pairs = replace(rule, demand=LARGER)
-        self._is_level = is_level(store, measure)
+        self._has_pairs = store.pair_rule().pairs > 0
+        self._is_level = measure.column == LEVEL
         self.unit = measure.unit
         # Attribute of `BuildingDamage` with the values; the store contains only Sa(T1) and PGA.
         stored_name = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
@@ -356,7 +350,7 @@ class RunIntensities:
     def note(self) -> str:
         """Note for the user on the intensity of pairs; empty without pairs, and if the intensities
         are levels."""
-        if not self._pairs.pairs or self._is_level:
+        if not self._has_pairs or self._is_level:
             return ""
         return (
             f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both "
@@ -378,9 +372,9 @@ class RunIntensities:
             values = np.array(getattr(building, self._stored_name), float)
         else:
             values = np.array([self._next_value(building, run) for run in building.keys], float)
-        if self._pairs.pairs:
-            motion = motion_of_runs(building, self._pairs)
-            values = geometric_means(motion, values)[motion]
+        # The intensity of a pair does not depend on the rule for its demand.
+        if self._has_pairs:
+            values = geometric_means(building.motion, values)[building.motion]
         return values
 
     def _next_value(self, building: BuildingDamage, run: Run) -> float:
@@ -405,8 +399,8 @@ LEVEL = "level"
 
 def measure_of_campaign(store: Store | None, text: str | None) -> RunMeasure:
     """Return the intensity measure for fits to the runs of a campaign, by default the measure of
-    its levels, otherwise Sa(T1). The name states the combination of the components if there are
-    pairs.
+    its levels, otherwise Sa(T1). Its column is `LEVEL` if the campaign has scaled its motions to
+    levels of this measure. The name states the combination of the components if there are pairs.
 
     Parameters
     ----------
@@ -415,46 +409,23 @@ def measure_of_campaign(store: Store | None, text: str | None) -> RunMeasure:
     text : str | None
         Requested measure (`measure_named`).
     """
-    levels = level_measure(store) if store is not None else None
-    settings = store.parameters() if store is not None else {}
+    levels, settings = None, {}
+    if store is not None:
+        levels, settings = level_measure(store), store.parameters()
+    measure = None if text is None else measure_named(text)
     combination = GEOMETRIC_MEAN
-    if text is None and levels and levels[1]:  # numbered levels have no unit
+    if levels and levels[1]:  # numbered levels have no unit
         name, unit = levels
-        if settings.get("measure") in SPECTRAL:
-            period = settings["period"]
-            name = f"{settings['measure']}({'{}' if period == FIRST else f'{period:g}'})"
-        combination = settings.get("pair", combination)
-        measure = RunMeasure(LEVEL, unit, name, lambda record, period: math.nan, called=name)
-    else:
-        measure = measure_named(text or "sa")
-        if store is not None and is_level(store, measure):
+        called = name.replace(f"({FIRST})", "({})")
+        # The measures of runs have the usual damping ratio.
+        is_same = measure is not None and measure.called == called
+        if measure is None or (is_same and settings.get("damping", SA_DAMPING) == SA_DAMPING):
+            measure = RunMeasure(LEVEL, unit, name, lambda record, period: math.nan, called=called)
             combination = settings.get("pair", combination)
+    measure = measure or run_measure("sa")
     if store is None or not store.pair_rule().pairs or measure.called == LEVEL:
         return measure
     return replace(measure, called=f"{combination}-{measure.called}")
-
-
-def is_level(store: Store, measure: RunMeasure) -> bool:
-    """Return True if a campaign has scaled its motions to levels of an intensity measure, with the
-    same period and damping ratio."""
-    if measure.column == LEVEL:
-        return True
-    settings = store.parameters()
-    # `settings` has no key `measure` if the levels are scale factors.
-    name, period = settings.get("measure"), settings.get("period")
-    if name is None or settings.get("damping", SA_DAMPING) != SA_DAMPING:
-        return False
-    # The levels of sa-avg can be averages over multiples of any period. The intensity measure
-    # sa-avg of runs is an average over multiples of the first period, so only these levels match.
-    if name == "sa-avg" and period != FIRST:
-        return False
-    # For example `sa(T1)` or `sa(0.5)`, after the combination of the components of pairs.
-    period_text = ""
-    if name in SPECTRAL:
-        period_text = f"({FIRST})" if period == FIRST else f"({period:g})"
-    pair = settings.get("pair", GEOMETRIC_MEAN)
-    called = measure.called.format(FIRST).removeprefix(f"{pair}-")
-    return called == f"{name}{period_text}"
 
 
 MEASURES = "measures.csv"
@@ -466,37 +437,39 @@ _UNITS = {unit: (si, factor) for si, units in _QUANTITIES.items() for unit, fact
 """SI unit and conversion factor to it, by the unit of a measure in a table."""
 
 
-def motions_of(table: CsvTable) -> NDArray[np.intp]:
-    """Return, for each run of a table, the index of its ground motion, or of its event if events
-    are known.
+def recordings_of_rows(table: CsvTable) -> tuple[list[int], dict[int, int]]:
+    """Return the number of the record of each row of a table, and the number of the first component
+    of the recording of each record.
 
-    Both components of a pair have the same index. Pairs are defined by the store in the directory
-    of the table. Without a store, or without a column `component`, components of one record, and of
-    records with names that differ only in the component, are a pair.
+    The table of a campaign contains motions. In other tables, pairs are recognized by the names of
+    records and components; HN1+HN2 is a pair in one row. Without records, each row is a record.
     """
-    names: list[object] = list(range(len(table.rows)))
-    if table.has("record"):
-        names = list(motion_names(table.texts("record")))
-        if table.has("component"):  # of several stations in a file; HN1+HN2 is a pair
-            firsts = (component.partition("+")[0] for component in table.texts("component"))
-            names = [
-                (name, station_and_code(first)[0])
-                for name, first in zip(names, firsts, strict=True)
-            ]
+    rows = range(len(table.rows))
+    if not table.has("record"):
+        return [*rows], {row: row for row in rows}
+    components = table.texts("component") if table.has("component") else [""] * len(rows)
+    firsts = (component.partition("+")[0] for component in components)
+    names = list(zip(table.texts("record"), firsts, strict=True))
+    number_of_name = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    numbers = [number_of_name[name] for name in names]
+    if not table.has("motion"):
+        records = {number: (*name, 0) for name, number in number_of_name.items()}
+        return numbers, recording_numbers(records)
+    first_of: dict[str, int] = {}
+    recordings = (motion.partition("-")[0] for motion in table.texts("motion"))
+    pairs = zip(numbers, recordings, strict=True)
+    return numbers, {number: first_of.setdefault(name, number) for number, name in pairs}
+
+
+def motions_of(table: CsvTable) -> Indices:
+    """Return, for each run of a table, the index of its recording, or of its event if events are
+    known."""
     with store_of_table(table) as store:
         # Without ground motion fields, a column `event` is a column of the inventory, not an event.
         if table.has("event") and (store is None or store.events()):
-            names = list(table.texts("event"))
-        elif store is not None and table.has("record") and table.has("component"):
-            motion_of_component = {}
-            records = store.records()
-            for number, motion in recording_numbers(records).items():
-                record, component, _ = records[number]
-                motion_of_component[record, component] = motion
-            keys = zip(table.texts("record"), table.texts("component"), strict=True)
-            names = [motion_of_component.get(key, key) for key in keys]
-    index_of_name = {name: index for index, name in enumerate(dict.fromkeys(names))}
-    return np.array([index_of_name[name] for name in names], np.intp)
+            return indices_of(table.texts("event"))
+    numbers, recordings = recordings_of_rows(table)
+    return indices_of(recordings[number] for number in numbers)
 
 
 # Runs under the same ground motion, or of the same event if events are known, are correlated. The
@@ -583,45 +556,36 @@ def motion_of_rows(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, 
     runs.
 
     A table of a campaign contains motion and level. In other tables, the rows of the components of
-    a recording with equal intensity, or equal factor, are a motion; pairs are recognized by their
-    names. Each row is a motion if components count separately. Without `pair_demand`, the rule of
-    the store applies, or the default if there is no store.
+    a recording with equal intensity, or equal factor, are a motion. Each row is a motion if
+    components count separately. Without `pair_demand`, the rule of the store applies, or the
+    default if there is no store.
 
     Raises
     ------
     UsageError
         The components of a pair were run at different levels.
     """
-    if not table.has("record", "component"):
-        return PairRule(pair_demand or LARGER), np.arange(len(table.rows))
-    names = list(zip(table.texts("record"), table.texts("component"), strict=True))
-    number_of_name = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    numbers, recordings = recordings_of_rows(table)
     with store_of_table(table) as store:
-        # Direction (1 or 2) of each record of the store, by its name and component
-        stored_records = store.records().values() if store else ()
-        directions = {(name, component): number for name, component, number in stored_records}
-        demand = pair_demand or (store.pair_demand() if store else LARGER)
-    # Name, component and direction of each record of the table; direction 0: not in the store
-    records = {number: (*name, directions.get(name, 0)) for name, number in number_of_name.items()}
-    rule = PairRule(demand, recording_numbers(records))
+        rule = PairRule(pair_demand or (store.pair_demand() if store else LARGER), recordings)
     if rule.demand == SEPARATE or not rule.pairs:
-        return rule, np.arange(len(table.rows))
-    samples = table.texts("sample") if table.has("sample") else [""] * len(names)
+        return rule, np.arange(len(numbers))
+    samples = table.texts("sample") if table.has("sample") else [""] * len(numbers)
     if table.has("motion", LEVEL):
-        levels = table.texts(LEVEL)
-        return rule, indices_of(zip(table.texts("motion"), samples, levels, strict=True))
-    recordings = [rule.recordings[number_of_name[name]] for name in names]
+        return rule, indices_of(
+            zip(table.texts("motion"), samples, table.texts(LEVEL), strict=True)
+        )
     column = next((name for name in ("im", "scale") if table.has(name)), None)
-    intensities = table.numbers(column, empty=True) if column else [1.0] * len(names)
+    intensities = table.numbers(column, empty=True) if column else [1.0] * len(numbers)
     levels = [f"{value:.6g}" for value in intensities]
-    motion = indices_of(zip(recordings, samples, levels, strict=True))
+    motion = indices_of(zip((recordings[n] for n in numbers), samples, levels, strict=True))
     # The demands of the components can be combined only if both were run at the level.
     paired = {*rule.partners.values()}
     for row in np.flatnonzero(np.bincount(motion)[motion] == 1) if column == "im" else ():
-        if recordings[row] in paired:
+        if recordings[numbers[row]] in paired:
             raise UsageError(
-                f"{table.source}: the components of a pair ({names[row][0]}) were run at different "
-                "levels, so that their demands cannot be combined; use --fit ida, or "
+                f"{table.source}: the components of a pair ({table.texts('record')[row]}) were run "
+                "at different levels, so that their demands cannot be combined; use --fit ida, or "
                 "--pair-demand separate"
             )
     return rule, motion
@@ -632,19 +596,6 @@ def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
     not depend on the rule for their demand."""
     _, motion = motion_of_rows(table, LARGER)
     return geometric_means(motion, im)[motion]
-
-
-def first_period_of_runs(table: CsvTable) -> float | None:
-    """Return the first period (s) of the building of a table of runs, from the store in the
-    directory of the table; None if it is unknown."""
-    building = table.only("building")
-    with store_of_table(table) as store:
-        if store is None:
-            return None
-        for number, (name, _) in store.buildings().items():
-            if name == building:
-                return store.period(number)
-    return None
 
 
 @contextmanager

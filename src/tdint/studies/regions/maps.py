@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
+from itertools import groupby, repeat
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -19,10 +20,7 @@ from tdint.studies.campaign.campaign_tables import copied_columns, numeric
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import SuiteLevel, SuiteRules
 from tdint.studies.fragility.building_damage import (
-    BuildingDamage,
     TypeDamage,
-    building_damages,
-    damage_by_motion,
     group_damages,
     has_losses,
     stored_states,
@@ -141,12 +139,16 @@ def building_features(
     longitude, latitude = titles.index("longitude"), titles.index("latitude")
     rules, events, buildings = SuiteRules.of(store), store.events(), store.buildings()
     # Buildings have the same order as the runs. Without damage states, the iterator is empty.
-    damages = building_damages(store)
-    rates = store.rates()
+    damages = groupby(group_damages(store, by_building=True), key=lambda group: group.building)
+    rates, costs = store.rates(), has_costs(store)
     inventory_names, is_numeric = _inventory_names(store), numeric(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
-        run_damage = next(damages, None)
-        damage = damage_by_motion(run_damage, rules.pairs) if run_damage else None
+        groups = next(damages, ("", ()))[1]
+        results_of_levels: dict[str, list[Feature]] = defaultdict(list)
+        for group, losses in _with_losses([*groups], rates, costs=costs):
+            outcomes = map(probability_name, group.states.outcomes)
+            results = dict(zip(outcomes, group.probability.value.tolist(), strict=True))
+            results_of_levels[group.event].append(results | (losses if group.states.losses else {}))
         # The cells 1 to 3 of a row identify the run: ground motion, scale factor and sample; the
         # cells 4 and 5 are its place.
         runs = {Run(*row[1:4]): row for row in rows}
@@ -159,23 +161,21 @@ def building_features(
                 inventory_properties[name] = text
         position = _position(cells[longitude], cells[latitude])
         geometry = {"type": "Point", "coordinates": position} if position else None
-        value = damage.cost if damage else math.nan
-        annual_losses = _annual_losses(damage, rates, events) if damage and rates else {}
         # With ground motion fields, the sample of a run is the number of its event, from 1. Without
         # events, all runs belong to event 0.
         building_events = sorted({run.sample for run in runs}) if events else [0]
         for event in building_events:
             head: Feature = {"building": buildings[number][0]}
+            event_name = events[event - 1] if events else ""
             if events:
-                event_name = events[event - 1]
                 if requested and event_name not in requested:
                     continue
                 head["event"] = event_name
             runs_of_event = {run: row for run, row in runs.items() if event in (0, run.sample)}
             suite = ((run, *row[4:6], row[_STATUS_INDEX]) for run, row in runs_of_event.items())
-            for rank, level in enumerate(rules.levels(suite)):
-                results = _damage(damage, rank, event) if damage else {}
-                results |= _losses(results, value, annual_losses, rank, event)
+            of_levels = results_of_levels[event_name] or repeat(Feature())
+            for level, of_level in zip(rules.levels(suite), of_levels, strict=False):
+                results = {name: digits(value) for name, value in of_level.items()}
                 if level.pair_demand:
                     results["pair_demand"] = level.pair_demand
                 demands = _level_properties(level, runs_of_event, units)
@@ -219,52 +219,26 @@ def _position(longitude: str, latitude: str) -> list[float] | None:
     return [digits(east), digits(float(latitude))]
 
 
-def _annual_losses(
-    damage: BuildingDamage, rates: Mapping[str, float], events: Sequence[str]
-) -> dict[tuple[int, int], float]:
-    """Return the annual loss ratios of a building (annual rate of the event times mean loss ratio),
-    by rank of the level and number of the event, its position from 1. Events without a result are
-    omitted. Without losses of the damage states, the result is empty.
-    """
-    if not damage.states.losses:
-        return {}
-    loss_ratios: dict[tuple[int, int], list[float]] = {}
-    runs = zip(damage.rank.tolist(), damage.keys, damage.loss.tolist(), strict=True)
-    for rank, run, loss_ratio in runs:
-        if not math.isnan(loss_ratio):
-            loss_ratios.setdefault((rank, run.sample), []).append(loss_ratio)
-    return {
-        (rank, event): rates[events[event - 1]] * math.fsum(ratios) / len(ratios)
-        for (rank, event), ratios in loss_ratios.items()
-    }
-
-
-def _losses(
-    results: Feature,
-    value: float,
-    annual_losses: Mapping[tuple[int, int], float],
-    rank: int,
-    event: int,
-) -> Feature:
-    """Return the properties `value`, `loss`, `annual_loss` and `average_annual_loss` of a building;
-    empty if the results contain no loss ratio.
-
-    `value` is the cost of all buildings of the row; nan without costs. `annual_losses` are the
-    losses of `_annual_losses`, empty without rates.
-    """
-    if LOSS.name not in results:
-        return {}
-    properties, has_value = Feature(), not math.isnan(value)
-    if has_value:
-        properties |= {_VALUE: value, _LOSS: value * results[LOSS.name]}
-    if annual_losses:
-        unit = value if has_value else 1.0
-        total_loss = math.fsum(
-            loss for (level_rank, _), loss in annual_losses.items() if level_rank == rank
-        )
-        properties[_ANNUAL] = unit * annual_losses.get((rank, event), math.nan)
-        properties[_AVERAGE] = unit * total_loss
-    return properties
+def _with_losses(
+    groups: Sequence[TypeDamage], rates: Mapping[str, float], *, costs: bool
+) -> Iterator[tuple[TypeDamage, Feature]]:
+    """Yield each group with its losses: the loss ratio, with costs `value` and `loss`, with rates
+    of the events `annual_loss` and `average_annual_loss`, the sum over the events of the same
+    entry and level that have a result."""
+    annual_losses: dict[tuple[str, float], list[float]] = defaultdict(list)
+    losses = [float(group.mean_loss(costs=costs).value[0]) for group in groups]
+    for group, loss in zip(groups, losses, strict=True):
+        if rates and not math.isnan(loss):
+            annual_losses[group.inventory_entry, group.level].append(rates[group.event] * loss)
+    for group, loss in zip(groups, losses, strict=True):
+        properties = {LOSS.name: float(group.loss.value[0])}
+        if costs:
+            properties |= {_VALUE: group.value, _LOSS: loss}
+        if rates:
+            of_events = annual_losses[group.inventory_entry, group.level]
+            properties[_ANNUAL] = rates[group.event] * loss
+            properties[_AVERAGE] = math.fsum(of_events) if of_events else math.nan
+        yield group, properties
 
 
 def district_features(
@@ -289,22 +263,10 @@ def district_features(
     requested : collection of str
         Events to write; all by default.
     """
-    positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
+    positions, costs = _positions_by_district(store, by), has_costs(store)
     groups = list(group_damages(store, by=by))
     pair_demand = store.pair_rule().demand_if_pairs
-
-    def mean_loss(group: TypeDamage) -> float:
-        """Return the mean loss of the buildings of a group in the unit of the costs; without costs
-        the mean loss ratio."""
-        return float((group.money if costs else group.loss).value[0])
-
-    annual_losses: dict[tuple[str, float], list[float]] = {}
-    for group in groups:
-        if rates and not math.isnan(mean_loss(group)):
-            annual_losses.setdefault((group.inventory_entry, group.level), []).append(
-                rates[group.event] * mean_loss(group)
-            )
-    for group in groups:
+    for group, losses in _with_losses(groups, store.rates(), costs=costs):
         if requested and group.event not in requested:
             continue
         properties: Feature = {by: group.inventory_entry}
@@ -314,15 +276,10 @@ def district_features(
             "buildings": group.buildings,
             "runs": group.runs,
             "failed": group.failed,
-            LOSS.name: float(group.loss.value[0]),
+            **losses,
         }
         if costs:
-            properties |= {_VALUE: group.value, _LOSS: float(group.money.value[0])}
             properties[f"{_LOSS}_error"] = float(group.money.error[0])
-        if rates:
-            losses_of_events = annual_losses.get((group.inventory_entry, group.level), [])
-            properties[_ANNUAL] = rates[group.event] * mean_loss(group)
-            properties[_AVERAGE] = math.fsum(losses_of_events) if losses_of_events else math.nan
         properties |= {"pair_demand": pair_demand} if pair_demand else {}
         points = positions.get(group.inventory_entry, [])
         geometry: Feature | None = {"type": "MultiPoint", "coordinates": points} if points else None
@@ -429,24 +386,3 @@ def _level_properties(
         properties[f"mean_{column}"] = math.fsum(values) / len(values) if values else math.nan
         properties[f"max_{column}"] = max(values, default=math.nan)
     return properties
-
-
-def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
-    """Return the properties of a building on a map that describe its damage.
-
-    They are the mean probability of each outcome and the mean loss ratio; nan without results.
-
-    `event` is the number of the event; 0 for the runs of all events.
-    """
-    # The sample of a run is the number of its event; event 0 selects all runs.
-    is_of_event = np.array([event in (0, sample) for _, _, sample in damage.keys])
-    is_used = damage.known & (damage.rank == rank) & is_of_event
-    property_names = [*map(probability_name, damage.states.outcomes)]
-    if damage.states.losses:
-        property_names.append(LOSS.name)
-    if not is_used.any():
-        return dict.fromkeys(property_names, math.nan)
-    means = damage.probability[is_used].mean(axis=0).tolist()
-    if damage.states.losses:
-        means.append(float(damage.loss[is_used].mean()))
-    return dict(zip(property_names, map(digits, means), strict=True))
