@@ -58,6 +58,9 @@ class SourceText(NamedTuple):
     data: bytes
 
 
+_UNNAMED = "<stream>"  # label of a stream without a file name, which is no input file
+
+
 def read_source(source: str | Path | TextIO, file_type: str = "model file") -> SourceText:
     """Return the content of a file; `-` is standard input. `file_type` names its type in messages.
 
@@ -68,7 +71,7 @@ def read_source(source: str | Path | TextIO, file_type: str = "model file") -> S
     """
     # The label is the name in messages. A stream without a file name has no path.
     stream: Any = source
-    label, path = "<stream>", None
+    label, path = _UNNAMED, None
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
             raise ModelError(f"-: standard input is closed; specify a {file_type}")
@@ -99,7 +102,9 @@ def read_source(source: str | Path | TextIO, file_type: str = "model file") -> S
 
 
 def _read_stream(stream: TextIO | BinaryIO, label: str, file_type: str) -> bytes:
-    """Return the content of a stream as UTF-8, and record it as an input file of the command.
+    """Return the content of a stream as UTF-8, and record it as an input of the command if it has a
+    name (`-` or that of a file).
+
     ModelError is raised if the stream cannot be read, or is larger than `MAX_BYTES`.
     """
     try:
@@ -111,7 +116,8 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, file_type: str) -> bytes
         raise ModelError(f"{label}: {_too_large(file_type)}")
     # Surrogates represent bytes that the stream could not decode. `decode` reports them.
     encoded = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
-    record_digest(label, encoded)
+    if label != _UNNAMED:
+        record_digest(label, encoded)
     return encoded
 
 
