@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.arrays import cached_property
@@ -32,25 +33,7 @@ _MAX_SVG = 160_000
 """Size of an SVG figure, bytes, above which PNG is used instead: long histories have many points.
 """
 
-_STYLE = """
-@page { size: A4; margin: 15mm 15mm 18mm; @bottom-center { content: counter(page) " / " counter(pages);
-  font: 8pt Helvetica, Arial, sans-serif; color: #555 } }
-body { font: 10pt/1.4 Helvetica, Arial, sans-serif; color: #111; max-width: 180mm; margin: 8mm auto; padding: 0 4mm }
-h1 { font-size: 16pt; margin: 0 0 2mm } h2 { font-size: 12pt; margin: 6mm 0 2mm; border-bottom: 1px solid #bbb }
-p { margin: 0 0 2.5mm } table { border-collapse: collapse; font-size: 8.5pt; margin: 2mm 0 3mm; width: 100% }
-th, td { border-bottom: 1px solid #ddd; padding: 0.5mm 1.2mm; text-align: right; vertical-align: top }
-td { white-space: nowrap } td.t { white-space: normal } p.h { margin: 0 0 3mm }
-td.d { font: 6.5pt monospace; text-align: left } th.d { text-align: left }
-th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left } td.l { overflow-wrap: anywhere }
-thead { display: table-header-group } tr, figure, p.w, p.v { break-inside: avoid } h2, p.k { break-after: avoid }
-figure { margin: 2mm 0 3mm } img { max-width: 100%; display: block; margin: 0 auto }
-figcaption { font-size: 8.5pt; color: #444 } p.w { border-left: 3px solid #b03a2e; padding-left: 3mm }
-p.v { border: 1.5px solid #555; padding: 1.5mm 3mm; font-weight: 700 }
-p.kept { border-color: #1e7d3c; color: #14602c } p.broken { border-color: #b03a2e; color: #a02a1e }
-code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; padding-left: 5mm }
-.n { break-before: page }
-@media print { body { margin: 0; padding: 0; max-width: none } }
-"""  # noqa: E501
+_STYLE = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
 
 # These dimensions of the printed page, mm, are used to estimate the positions of page breaks. They
 # follow from the margins and the fonts in `_STYLE`, with text in Helvetica.
@@ -394,7 +377,7 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{_STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(flow.body)
     )
     document = write_out_controls(text + "\n</body>\n</html>\n", keep="\n")

@@ -48,37 +48,12 @@ mpl.rcdefaults()
 
 _TITLE = 10.5  # font size of titles, points
 
-_STYLE = {
-    "font.size": 9.0,
-    "axes.titlesize": 9.5,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "0.88",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.2,
-    "legend.fontsize": 8.0,
-    "legend.frameon": False,
-    "agg.path.chunksize": 20_000,  # a long hysteresis loop exceeds the limit of Agg for one path
-    "pdf.fonttype": 42,  # TrueType fonts, which editors and publishers require
-    "ps.fonttype": 42,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "tdint",
-}
+_STYLE, _PRINT = (
+    mpl.rc_params_from_file(Path(__file__).with_name(name), use_default_template=False)
+    for name in ("screen.mplstyle", "print.mplstyle")
+)
+"""Settings of all figures, and additional settings of figures with a printed width."""
 
-# These settings apply to figures with a printed width, which journals print without enlargement.
-_PRINT = {
-    "font.size": 8.0,
-    "axes.titlesize": 8.0,
-    "legend.fontsize": 7.0,
-    "axes.linewidth": 0.6,
-    "grid.linewidth": 0.4,
-    "lines.linewidth": 1.0,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "font.family": "sans-serif",
-    "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
-    "mathtext.fontset": "stixsans",
-}
 _LAID_OUT_HERE = {"figure.autolayout": False, "figure.constrained_layout.use": False}
 """Settings while a figure is saved: its layout is already complete, and no style sheet may change
 it."""
