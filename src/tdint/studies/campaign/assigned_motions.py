@@ -442,7 +442,8 @@ class FactorTable:
     level_unit : str
         SI unit of the levels.
     scaled : mapping
-        Settings that `tdint scale` wrote next to the file; empty if not available.
+        Settings that `tdint scale` wrote next to the file, or only target and rule from the columns
+        of a copied file.
     by_motion : mapping of int to tuple of float
         Factors of the motions of a campaign by their numbers; empty before the motions are read.
     level_by_motion : mapping of int to tuple of float
