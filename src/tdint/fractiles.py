@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -47,3 +48,25 @@ def fractiles(values: Array, probabilities: Sequence[float] = FRACTIONS) -> Arra
         logarithmic = low * (high / low) ** weight
         result = np.where(low > 0.0, logarithmic, low + (high - low) * weight)
     return np.where(np.isinf(high) | (weight == 0.0), high, result)
+
+
+RELIABLE = 7
+"""Minimum number of ground motions for the fractiles of 16 and 84 % without a warning."""
+
+
+def expected_deviation(motions: int) -> float:
+    """Return the expected standard deviation (n - 1) of n normal values divided by the true one,
+    c4(n)."""
+    gammas = math.lgamma(0.5 * motions) - math.lgamma(0.5 * (motions - 1))
+    return math.sqrt(2.0 / (motions - 1)) * math.exp(gammas)
+
+
+def small_sample_warning(motions: int) -> str:
+    """Return the warning about the fractiles of fewer than `RELIABLE` ground motions; otherwise,
+    and for one motion, which has no fractiles, an empty text."""
+    if not 1 < motions < RELIABLE:
+        return ""
+    return (
+        f"the 16 and 84 % fractiles of {motions} motions are close to the smallest and the largest "
+        f"value; use at least {RELIABLE} motions"
+    )

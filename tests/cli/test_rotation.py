@@ -100,7 +100,7 @@ def test_a_vertical_component_is_recognized_by_its_file_name(folder, tdint):
     result = tdint("run", "shaken.yaml", *(f"a_{code}.txt" for code in "NEZ"), "-o", "o", code=0)
     assert [row["record"] for row in rows(folder / "o" / "runs.csv")] == ["a_N.txt", "a_E.txt"]
     assert "a_Z.txt: not used: vertical component" in result.stderr
-    assert "1 pair of horizontal components" in result.stderr
+    assert "2 components, 1 recording, 1 pair (" in result.stderr
 
 
 @pytest.mark.long

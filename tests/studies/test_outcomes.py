@@ -4,13 +4,29 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
+import tdint
 from tdint.errors import AnalysisError
-from tdint.fractiles import fractiles
+from tdint.fractiles import expected_deviation, fractiles, small_sample_warning
+from tdint.ground_motion.record import Record
+from tdint.model.damage_states import DamageStates
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.fragility.building_damage import BuildingDamage, TypeDamage
+from tdint.studies.fragility.fit_table import FragilityRequest, SuiteRuns, fit_states
 from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_levels, fit_stripes
 from tdint.studies.fragility.measures import over_motions
+from tdint.studies.ida.ida_curve import IdaCurve, IdaRun, PairCurve
 from tdint.studies.motions import outcomes as o
-from tdint.studies.motions.pairs import LARGER, MEAN, recording_numbers
+from tdint.studies.motions.intensity import MotionIntensity, pga, sa
+from tdint.studies.motions.pairs import (
+    LARGER,
+    MEAN,
+    PAIR_DEMANDS,
+    join_pairs,
+    recording_numbers,
+    suite_text,
+)
 
 LOST, GONE = math.inf, math.nan
 
@@ -46,26 +62,145 @@ def test_v2_maxima_are_over_all_stories_of_each_building():
     assert base_shear.mean[0] == pytest.approx(0.8)
 
 
-def test_r1_and_r2_rows_are_weighted_by_the_number_of_buildings():
-    p = np.array([[0.4, 0.6, 0.8], [0.02, 0.06, 0.1], [0.9, 0.9, 0.9]])
-    number, motion = np.repeat([1.0, 99.0, 0.0], 3), np.tile([0, 1, 2], 3)
-    found = o.weighted_mean(p.reshape(-1, 1), number, motion)
-    assert [*found.value, *found.error] == pytest.approx([0.0654, 0.0240177712])
-    n, cost, loss = np.array([1.0, 99.0]), np.array([4e5, 1e5]), column(0.3, 0.02)
-    by_value = o.weighted_mean(loss, n * cost, np.zeros(2, int)).value
-    assert by_value == pytest.approx([0.03087378641])
-    assert o.weighted_mean(loss, n, np.zeros(2, int)).value == pytest.approx([0.0228])
+def row(number, motions, probability, loss=(), cost=math.nan):
+    """Return the damage of a row of `number` buildings of the cost `cost` after one run under each
+    motion; `loss` is the loss ratio of the single state."""
+    states = DamageStates("drift_ratio", ("slight",), (0.01,), 0.0, loss * 2)
+    p = np.asarray(probability, float)
+    outcomes = np.zeros((p.size, len(states.outcomes)))
+    outcomes[:, 0], outcomes[:, 1] = 1.0 - p, p
+    unknown = np.full(p.size, math.nan)
+    return BuildingDamage(
+        number=1, building="", type="", period=1.0, states=states,
+        keys=[Run(motion, 1.0) for motion in motions], motion=np.arange(p.size),
+        level=np.ones(p.size), status=["done"] * p.size, demand=unknown, probability=outcomes,
+        sa=unknown, pga=unknown, equal=number, cost=number * cost,
+    )  # fmt: skip
+
+
+def group_of(*rows):
+    group = TypeDamage(rows[0].states)
+    for item in rows:
+        motions = np.array([run.motion for run in item.keys])
+        group.add(item, np.ones(motions.size, bool), motions)
+    return group
+
+
+def test_r1_rows_are_weighted_by_the_number_of_buildings():
+    p = [[0.4, 0.6, 0.8], [0.02, 0.06, 0.1], [0.9, 0.9, 0.9]]
+    group = group_of(*(row(n, range(3), item) for n, item in zip((1, 99, 0), p, strict=True)))
+    found = (group.probability.value[1], group.buildings, group.probability.error[1])
+    assert found == pytest.approx((0.0654, 100.0, 0.0240177712))
+    assert group.buildings * group.probability.value[1] == pytest.approx(6.54)
+    assert group.rows == 3  # the row without buildings is listed
+    # A row that lost a motion has the mean of its other motions.
+    lost = row(1, range(3), p[0])
+    lost.status[2] = "diverged"
+    lost.probability[2] = math.nan
+    both = group_of(lost, row(99, range(3), p[1])).probability.value[1]
+    assert both == pytest.approx((0.5 + 99 * 0.06) / 100)
+
+
+def test_r2_losses_are_weighted_by_cost():
+    """A state with the probability p and the loss L has the mean p L and the mean square p L^2."""
+
+    def rows(*costs):
+        for number, mean, sd, cost in zip((1, 99), (0.3, 0.02), (0.25, 0.1), costs, strict=True):
+            loss = (mean**2 + sd**2) / mean
+            yield row(number, [1], [mean / loss], (loss,), cost)
+
+    group = group_of(*rows(4e5, 1e5))
+    found = group.value, group.money.value[0], group.loss.value[0], *group.scatter
+    assert found == pytest.approx((10300000.0, 318000.0, 0.03087378641, 141067.3598, 1090000.0))
+    assert group_of(*rows(math.nan, math.nan)).loss.value == pytest.approx([0.0228])
+    part = group_of(*rows(math.nan, 1e5))  # over the row with a cost, whose number is beside
+    assert (part.loss.value[0], part.rows_with_cost, part.rows) == (pytest.approx(0.02), 1, 2)
 
 
 def test_r4_stripes_use_weighted_fractions():
+    """Buildings whose thresholds have a dispersion exceed with these probabilities."""
     p = np.array([[0.5, 0.9, 1.0], [0.05, 0.2, 0.5]])
-    fractions = [
-        o.weighted_mean(p[:, i : i + 1], np.array([1.0, 99.0]), np.zeros(2, int)).value[0]
-        for i in range(3)
-    ]
-    assert fractions == pytest.approx([0.0545, 0.207, 0.505])
-    found = fit_stripes([0.1, 0.2, 0.4], np.array(fractions) * 100.0, [100.0] * 3)
+    im, demand = np.tile([0.1, 0.2, 0.4], 2), 0.01 * np.exp(0.3 * ndtri(p.ravel()))
+    motions = [np.repeat(values, 3) for values in (im, demand, [1, 1, 1, 99, 99, 99])]
+    runs = SuiteRuns(*motions[:2], np.tile(range(3), 6), motions[2], ("pga", "g"))
+    (found,) = fit_states(runs, {"slight": 0.01}, FragilityRequest(), 0.3)
+    assert found.fit == "stripes"
+    assert found.counted.fraction == pytest.approx([0.0545, 0.207, 0.505])
     assert (found.theta, found.beta) == pytest.approx((0.3974168021, 0.8537976893), rel=1e-6)
+
+
+def components(first, second, dt=0.01):
+    """Return two records of a recording, which are a pair by their names."""
+    return [
+        Record(np.asarray(samples, float), dt, "", "", name, f"a-{name}.csv")
+        for samples, name in ((first, "HNE"), (second, "HNN"))
+    ]
+
+
+def test_p1_measures_of_a_pair():
+    u, v = [0.3, -1.0, 0.6, 0.2, -0.4], [0.5, 0.4, -0.9, 0.7, -0.1]
+    (motion,) = join_pairs(components(u, v))
+    expected = {
+        "geometric-mean": 0.9486832981,
+        "larger": 1.0,
+        "rotd50": 0.9552486469,
+        "rotd100": 1.081649557,
+    }
+    assert [pga().of(item) for item in components(u, v)] == pytest.approx([1.0, 0.9])
+    for pair, value in expected.items():
+        assert pga().of(motion, pair) == pytest.approx(value, rel=1e-9)
+    # A measure that is not spectral combines the components alike.
+    pgv = [MotionIntensity("pgv").of(item) for item in components(u, v)]
+    assert MotionIntensity("pgv").of(motion, "larger") == max(pgv)
+
+
+def test_p2_a_pair_has_one_factor():
+    random = np.random.default_rng(1).standard_normal((2, 800))
+    records = [
+        record.scaled(value / sa(0.5).of(record))
+        for record, value in zip(components(*random), (3.0, 5.0), strict=True)
+    ]
+    scaled = tdint.scale(records, "sa(0.5)", 4.0)
+    assert scaled.suite == "2 components, 1 recording, 1 pair"
+    assert scaled.factors == pytest.approx([1.032795559])
+    after = [sa(0.5).of(record.scaled(scaled.factors[0])) for record in records]
+    assert after == pytest.approx([3.098386677, 5.163977795])
+
+
+@pytest.mark.parametrize("demand", PAIR_DEMANDS)
+def test_p3_the_demand_rule_does_not_change_the_intensity(demand):
+    """Elastic oscillators of 5 % damping have drifts of Sa / omega^2 / height. The capacity of a
+    component is the intensity of the pair at which it reaches the limit, for each rule."""
+    capacities = []
+    for sa_of, c in zip([[3, 5], [4, 2.5], [2, 2.4]],
+                        [[0.004, 0.005], [0.006, 0.0035], [0.0045, 0.0055]],
+                        strict=True):  # fmt: skip
+        mean = math.sqrt(math.prod(sa_of))
+        curves = []
+        for value, drift in zip(sa_of, c, strict=True):
+            record = components([1.0, 0.0], [1.0, 0.0])[0]
+            runs = [IdaRun(im, im / mean, "done", drift * value * im / mean) for im in (1.0, 9.0)]
+            curves.append(IdaCurve(record, tuple(runs), 0.1))
+        pair = [PairCurve.combine_components(*curves, demand)] if demand != "separate" else curves
+        capacities += [curve.capacity(0.02).capacity for curve in pair]
+    found = fit_capacities(capacities)
+    if demand == "larger":
+        assert (found.theta, found.beta) == pytest.approx((3.003841533, 0.1185051653))
+    elif demand == "separate":  # the factors of a pair do not change the mean of its logarithms
+        assert found.theta == pytest.approx(4.281138192)
+    else:
+        assert found.theta > 3.01 and abs(found.theta - 3.646436717) > 0.01
+
+
+def test_q2_dispersion_of_small_samples():
+    c4 = [expected_deviation(n) for n in (3, 7, 11)]
+    assert c4 == pytest.approx([0.8862269255, 0.9593687887, 0.9753500771])
+    x = [0.8, 1.1, 1.3, 1.9, 2.6, 3.0, 4.2]
+    found = fit_capacities(x)
+    assert (found.theta, found.beta) == pytest.approx((1.83927309, 0.5943877648))
+    assert found.theta_interval == pytest.approx((1.061468617, 3.18702357))
+    assert "6 motions" in small_sample_warning(6)
+    assert not small_sample_warning(7) and not small_sample_warning(1)
 
 
 def test_q1_fractiles():
@@ -80,8 +215,8 @@ def test_q1_fractiles():
 
 def test_p4_components_recordings_and_pairs():
     names = ["a1", "a2", "b1", "b2", "c1", "c2", "d1"]
-    assert o.suite_text([name[0] for name in names]) == "7 components, 4 recordings, 3 pairs"
-    assert o.suite_text([0, 1]) == "2 components"
+    assert suite_text([name[0] for name in names]) == "7 components, 4 recordings, 3 pairs"
+    assert suite_text([0, 1]) == "2 records"
 
 
 def test_c1_cloud_with_collapses():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import check_outputs, is_there, refuse_protected, settle, write_files
+from tdint.fractiles import small_sample_warning
 from tdint.model.status import FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output import figures
@@ -556,6 +557,7 @@ def _write(
     complete = is_complete(store)
     if settings["profiles"] and complete:
         files[PROFILES] = tables.profiles_table(store, units).write
+        warn(*filter(None, [small_sample_warning(store.smallest_suite())]))
     if store.damage() and store.is_requested("damage"):
         files[DAMAGE] = lambda stream: damages.damage_table(store).write(stream, units)
         if complete:

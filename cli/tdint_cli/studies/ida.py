@@ -400,7 +400,8 @@ def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
 
     if study.partners:
         files = [curve.record.source for curve in study.states[0].curves]
-        rule = PairRule(study.pair_demand, study.partners)
+        recordings = {record: study.partners.get(record, record) for record in range(len(files))}
+        rule = PairRule(study.pair_demand, recordings)
         note(rule.note(files, is_default=request.pair_demand is None))
 
 
@@ -444,7 +445,10 @@ def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
     `precision` is the maximum ratio of the upper to the lower limit of a capacity, minus 1, without
     a warning.
     """
-    runs, warnings = [run for curve in study.curves for run in curve.runs], []
+    from tdint.fractiles import small_sample_warning
+
+    runs = [run for curve in study.curves for run in curve.runs]
+    warnings = [*filter(None, [small_sample_warning(len(study.states[0].motion_curves))])]
     without_result = sum(not (run.stable or run.collapsed) for run in runs)
     if without_result:
         warnings.append(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 option = partial(grammar.option, heading=grammar.INTENSITY)
 
-PAIRS = ("geometric-mean", "rotd50", "rotd100")
+PAIRS = ("geometric-mean", "rotd50", "rotd100", "larger")
 
 
 def pair_measure(wish: PairWish | None) -> str:

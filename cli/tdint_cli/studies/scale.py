@@ -11,7 +11,7 @@ import click
 from tdint import studies
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs
-from tdint.number_parsing import abbreviate, parse_positive, pluralize
+from tdint.number_parsing import abbreviate, parse_positive
 from tdint_cli import options
 from tdint_cli.options.option_types import (
     Count,
@@ -317,6 +317,7 @@ def _scaled(request: ScaleRequest) -> tuple[Suite, Scaling]:
     Failures, if the factors depend on a record that cannot be read.
     """
     from tdint.studies.motions.intensity import measure_at
+    from tdint.studies.motions.pairs import join_pairs
     from tdint.studies.motions.scaling import BOUNDS, scale
     from tdint.studies.motions.selection import named_events, select
 
@@ -341,17 +342,18 @@ def _scaled(request: ScaleRequest) -> tuple[Suite, Scaling]:
         name, value = request.to
         measure = measure_at(name, request.damping, request.at or math.nan)
     suite = read_suite(request.records, request.choice, request.pair_wish)
+    motions = join_pairs(suite.motions)
     if request.select is None:
         # Factors that depend on the complete set are invalid if a record is missing.
         if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
             raise Failures(suite.failures)
-        return suite, scale(suite.motions, measure, value, **settings)
+        return suite, scale(motions, measure, value, **settings)
     # A selection is complete without the missing records.
     scaling = select(
-        suite.motions,
+        motions,
         count=request.select,
         factors=request.factor_range or BOUNDS,
-        events=named_events(suite.motions, event_of_record) if event_of_record else None,
+        events=named_events(motions, event_of_record) if event_of_record else None,
         per_event=request.per_event,
         scatter=scatter,
         **settings,
@@ -443,7 +445,7 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
         if periods is None
         else [float(periods[0]), float(periods[-1]), int(periods.size)],
         "damping": scaling.damping,
-        "pairs": scaling.pair if request.pair_wish else None,
+        "pairs": None if scaling.noun == "record" else scaling.pair,
         "least_average_over_target": scaling.least[0] if scaling.least else None,
         **(
             {
@@ -466,10 +468,9 @@ def _summary_text(scaling: Scaling, units: OutputUnits) -> str:
     """Return the summary on standard error: number of records, target and factors."""
     import numpy as np
 
-    from tdint.ground_motion.record import Record
+    from tdint.fractiles import fractiles
 
-    factors = scaling.factors
-    text = pluralize(len(factors), "record" if isinstance(scaling.motions[0], Record) else "pair")
+    factors, text = scaling.factors, scaling.suite
     if scaling.rule == "p695":
         text += " normalized by peak velocity"
     if scaling.measure is not None and scaling.value is not None:
@@ -485,7 +486,7 @@ def _summary_text(scaling: Scaling, units: OutputUnits) -> str:
         )
     text += (
         f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median "
-        f"{np.median(factors):.4g}."
+        f"{fractiles(factors, (0.5,))[0]:.4g}."
     )
     if scaling.chosen:
         text += _selection_text(scaling)

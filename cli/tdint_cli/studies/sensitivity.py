@@ -19,7 +19,7 @@ from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.terminal import Failures, note_of_runs, say
+from tdint_cli.terminal import Failures, note, note_of_runs, say
 
 
 def _ranges(
@@ -144,6 +144,7 @@ def _one_at_a_time(request: Request) -> None:
     from tdint.model.config.record_files import RecordFiles
     from tdint.studies.campaign.execute import threads
     from tdint.studies.campaign.inputs import read_motions
+    from tdint.studies.motions.pairs import PairRule
     from tdint.studies.sensitivity.sensitivity import parameter_effects, plan_of
     from tdint.studies.sensitivity.sensitivity_tables import parameter_effect_table
     from tdint.studies.store.opening import open_store
@@ -156,6 +157,8 @@ def _one_at_a_time(request: Request) -> None:
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)
+    rule = PairRule.from_motions(plan.motions, plan.pair_demand)
+    note(*([rule.note([motion.name for motion in plan.motions])] if rule.pairs else ()))
     note_of_runs(*dict.fromkeys(plan.notes))
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))

@@ -25,7 +25,6 @@ def profile(name: str, drifts: dict[int, list[float]], collapsed=(), heights=(),
         runs=[Run(number, 1.0, 0) for number in numbers],
         motion=np.arange(len(numbers)),
         outcome=np.array([COMPLETED] * len(drifts) + [COLLAPSED] * len(collapsed), np.int8),
-        run_outcome=np.array([COMPLETED] * len(drifts) + [COLLAPSED] * len(collapsed), np.int8),
         measure=("", ""),
         pair_demand="",
         building=name,
@@ -75,27 +74,32 @@ def test_ratios_use_the_motions_that_both_buildings_survive():
     weak = profile("weak", {1: [0.010], 2: [0.012], 3: [0.014]}, collapsed=(4, 5))
     strong = profile("strong", {1: [0.005], 2: [0.006], 3: [0.007], 4: [0.05], 5: [0.08]})
     (drift, *_) = ratios([weak, strong], "weak")
-    assert drift.motions == 3 and drift.mean == pytest.approx([0.5, 0.5])
+    assert drift.ratios.motions == 3 and drift.ratios.mean == pytest.approx([0.5, 0.5])
     third = profile("third", {1: [0.004], 2: [0.004], 5: [0.01]}, collapsed=(3, 4))
     found = ratios([weak, strong, third], "weak")
-    assert [item.motions for item in found[:: len(STORY_QUANTITIES) + 1]] == [3, 2]
-    assert found[0].mean == pytest.approx([0.5, 0.5]) and np.isnan(found[-1].mean).all()
+    assert [item.ratios.motions for item in found[:: len(STORY_QUANTITIES) + 1]] == [3, 2]
+    assert found[0].ratios.mean == pytest.approx([0.5, 0.5])
+    assert np.isnan(found[-1].ratios.mean).all()
     counts = found[-1]
-    assert (counts.quantity, counts.mean.size) == ("base_shear", 1)
-    lost = counts.collapsed, counts.failed, counts.baseline_collapsed, counts.baseline_failed
-    assert lost == (2, 0, 2, 0) and counts.median.tolist() == [pytest.approx(0.01 / 0.014)]
+    assert (counts.quantity, counts.ratios.mean.size) == ("base_shear", 1)
+    lost = [(item.counts.collapsed, item.counts.failed) for item in (counts.compared, counts.base)]
+    assert lost == [(2, 0), (2, 0)] and counts.ratios.median.tolist() == [
+        pytest.approx(0.01 / 0.014)
+    ]
 
 
 def test_v3_isolators_are_apart():
     base = profile("base", {1: [0.015, 0.012, 0.009]})
     isolated = profile("iso", {1: [0.22, 0.004, 0.003, 0.002]}, isolators=(1,))
     first = ratios([base, isolated], "base")[0]
-    assert first.quantity == "peak_drift" and first.mean[0] == pytest.approx(0.2666666667)
+    assert first.quantity == "peak_drift" and first.ratios.mean[0] == pytest.approx(0.2666666667)
+    assert isolated.isolator_check.demand == pytest.approx(0.22)  # m
+    assert base.isolator_check is None
 
 
 def test_two_motions_without_collapse_are_compared():
     first, second = profile("a", {1: [0.2], 2: [0.4]}), profile("b", {1: [0.1], 2: [0.2]})
-    assert ratios([first, second], "a")[0].mean == pytest.approx([0.5, 0.5])
+    assert ratios([first, second], "a")[0].ratios.mean == pytest.approx([0.5, 0.5])
 
 
 @pytest.mark.parametrize(
@@ -117,4 +121,4 @@ def test_stories_of_variants_correspond(heights, isolators, pairs):
     expected = [
         0.01 * (i + 1) / value for (i, _), value in zip(pairs, (0.1, 0.2, 0.4), strict=True)
     ]
-    assert first.mean[1:] == pytest.approx(expected)
+    assert first.ratios.mean[1:] == pytest.approx(expected)

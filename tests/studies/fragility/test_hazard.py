@@ -86,7 +86,7 @@ def test_extreme_functions_stay_finite(theta, beta):
 
 def mixture(a1):
     cloud = CollapseCloud(-3.0, 1.1, 0.4, 1.5, a1)
-    points = CloudPoints(*([np.ones(1)] * 4), -3.0, 1.1, 0.4, cloud)
+    points = CloudPoints(*([np.ones(1)] * 3), -3.0, 1.1, 0.4, cloud)
     theta, beta = cloud.lognormal(0.02)
     return function(theta, beta, threshold=0.02, cloud=points), cloud
 

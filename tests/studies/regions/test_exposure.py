@@ -152,6 +152,27 @@ def test_asset_values_by_type_of_cost_and_area(
     assert found == pytest.approx(values, rel=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("cost", "area", "value", "size", "expected"),
+    [
+        ("aggregated", "per_asset", 4e6, 1, 100000.0),
+        ("per_area", "aggregated", 1200.0, 6000, 180000.0),
+        ("per_area", "per_asset", 1200.0, 150, 180000.0),
+    ],
+)
+def test_r3_cost_of_one_building(cost, area, value, size, expected):
+    old = '<costType name="structural" type="per_asset"'
+    text = in_xml().replace(old, old.replace("per_asset", cost))
+    text = text.replace('<area type="per_asset"', f'<area type="{area}"')
+    text = text.replace('number="5" area="100"', f'number="40" area="{size}"')
+    text = text.replace('type="structural" value="1000"', f'type="structural" value="{value}"')
+    Path("e.xml").write_text(text)
+    found = cells(next(iter(read("e.xml"))))
+    assert float(found["cost"]) == pytest.approx(expected)
+    if cost == "per_area":
+        assert float(found["cost"]) * float(found["number"]) == pytest.approx(7200000.0)
+
+
 def test_mapping_by_structural_type_without_costs() -> None:
     """The mapping table has the columns that the rules need; without a structural cost there is no
     column of costs."""

@@ -8,8 +8,7 @@ workflow.
 from __future__ import annotations
 
 import hashlib
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -435,38 +434,27 @@ class FactorTable:
 
     Attributes
     ----------
-    by_name : mapping of (str, str) to tuple of float
-        Factors by record and component.
-    level_by_name : mapping of (str, str) to tuple of float
-        Level of each factor, SI units; empty without levels.
-    level_unit : str
-        SI unit of the levels.
+    by_name : mapping of (str, str) to mapping of float to float
+        Factors by record and component, each with its level, SI units; NaN without levels.
     scaled : mapping
-        Settings that `tdint scale` wrote next to the file, or only target and rule from the columns
-        of a copied file.
-    by_motion : mapping of int to tuple of float
-        Factors of the motions of a campaign by their numbers; empty before the motions are read.
-    level_by_motion : mapping of int to tuple of float
-        Level of each of these factors; empty without levels.
+        Settings that `tdint scale` wrote next to the file; empty if not available.
+    level_unit : str
+        SI unit of the levels; empty without levels.
+    by_motion : mapping of int to mapping of float to float
+        Factors and levels of the motions of a campaign by their numbers; empty before the motions
+        are read.
     """
 
     source: str
-    by_name: Mapping[tuple[str, str], tuple[float, ...]]
+    by_name: Mapping[tuple[str, str], Mapping[float, float]]
     scaled: Mapping[str, Any] = field(default_factory=dict)
-    level_by_name: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
     level_unit: str = ""
-    by_motion: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
-    level_by_motion: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+    by_motion: Mapping[int, Mapping[float, float]] = field(default_factory=dict)
 
     def of_motions(self, motions: Sequence[SuiteMotion]) -> FactorTable:
         """Return the table with the factors and levels of the motions of a campaign."""
-        keys = {number: self._key(motion) for number, motion in enumerate(motions)}
-        levels = self.level_by_name
-        return replace(
-            self,
-            by_motion={number: self.by_name[key] for number, key in keys.items()},
-            level_by_motion={number: levels[key] for number, key in keys.items() if levels},
-        )
+        by_motion = {number: self.of(motion) for number, motion in enumerate(motions)}
+        return replace(self, by_motion=by_motion)
 
     def unequal_factors(
         self, motions: Sequence[SuiteMotion], partners: Mapping[int, int]
@@ -480,16 +468,13 @@ class FactorTable:
             "recording have different factors and count as separate motions; use one factor per "
             "recording to count the pair as one motion"
             for second, first in partners.items()
-            if self.by_motion[first] != self.by_motion[second]
+            if [*self.by_motion[first]] != [*self.by_motion[second]]
         ]
 
-    def of(self, motion: SuiteMotion) -> tuple[float, ...]:
-        """Return the scale factors of a motion in the table; `_key` describes the errors."""
-        return self.by_name[self._key(motion)]
-
-    def _key(self, motion: SuiteMotion) -> tuple[str, str]:
-        """Return the row of a motion. The table may list the motion by its name, by the name of its
-        file without the directory, or by the name of the pair to which it belongs.
+    def of(self, motion: SuiteMotion) -> Mapping[float, float]:
+        """Return the scale factors of a motion with their levels. The table may list the motion by
+        its name, by the name of its file without the directory, or by the name of the pair to which
+        it belongs.
 
         Raises
         ------
@@ -505,7 +490,7 @@ class FactorTable:
         for name in names:
             for component in components:
                 if (name, component) in self.by_name:
-                    return name, component
+                    return self.by_name[name, component]
         raise ModelError(
             f"{self.source}: no factor for {motion.name} {motion.component}; add a row for it, or "
             "remove the key `files` to use only the records of the table"
@@ -549,25 +534,25 @@ class FactorTable:
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Return the factors of a motion for each building."""
-        return [self.by_motion[motion]] * len(periods)
+        return [tuple(self.by_motion[motion])] * len(periods)
 
     def level_values(self, motion: int) -> Sequence[float]:
         """Return the level of each factor of a motion; NaN without levels, because all rows of the
         table are then one suite."""
-        return self.level_by_motion.get(motion, (math.nan,) * self.count(motion))
+        return tuple(self.by_motion[motion].values())
 
     def description(self) -> dict[str, object]:
         """Return factors and levels of each motion, for the fingerprint of a campaign."""
         settings: dict[str, object] = {
             "factors": {str(motion): list(values) for motion, values in self.by_motion.items()}
         }
-        if self.level_by_motion:
-            levels = {str(motion): list(values) for motion, values in self.level_by_motion.items()}
+        if self.level_unit:
+            levels = {str(motion): [*rows.values()] for motion, rows in self.by_motion.items()}
             settings |= {"factor_levels": levels, "level_unit": self.level_unit}
         return settings
 
 
-def _factors_text(factors: Sequence[float]) -> str:
+def _factors_text(factors: Iterable[float]) -> str:
     """Return the factors of a motion as text."""
     return ", ".join(f"{factor:g}" for factor in factors)
 

@@ -107,8 +107,8 @@ FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *CO
 """Columns of floor-spectra-mean.csv."""
 
 RATIOS = (
-    BUILDING_COLUMNS[0],
-    Column.named("baseline", "name of the baseline building", TEXT),
+    BUILDING_COLUMNS[0]._replace(value="compared.building"),
+    Column("baseline", TEXT, "base.building", "name of the baseline building"),
     PROFILES[1],
     Column(
         "quantity",
@@ -119,7 +119,7 @@ RATIOS = (
     Column(
         "story",
         "1",
-        lambda ratios: np.array([None, *range(1, ratios.mean.size)], dtype=object),
+        lambda item: np.array([None, *range(1, item.ratios.mean.size)], dtype=object),
         "story of the baseline (or the floor above); empty for the maximum over all stories of "
         "each building, for drifts without isolators. Stories of a building with other "
         "isolators or stories are counted from the roof",
@@ -127,27 +127,46 @@ RATIOS = (
     Column(
         "mean_ratio",
         "1",
-        "mean",
+        "ratios.mean",
         "mean over the ground motions that the building and the baseline both complete, divided by "
         "the mean of the baseline over the same motions",
     ),
     Column(
         "median_ratio",
         "1",
-        "median",
+        "ratios.median",
         "median over all motions divided by the median of the baseline; a collapse is above every "
         "value (inf), empty if the median of the baseline is a collapse",
     ),
-    Column("max_ratio", "1", "max", "maximum divided by the maximum of the baseline, as the mean"),
+    Column(
+        "max_ratio",
+        "1",
+        "ratios.max",
+        "maximum divided by the maximum of the baseline, as the mean",
+    ),
     Column.named(
-        "motions",
+        "ratios.motions",
         "number of ground motions that both complete; after collapses, fewer than 3 give no ratio "
         "of means or maxima",
     ),
-    Column.named("collapsed", "number of ground motions with collapse of the building"),
-    Column.named("failed", "number of ground motions without a result of the building"),
-    Column.named("baseline_collapsed", "number of ground motions with collapse of the baseline"),
-    Column.named("baseline_failed", "number of ground motions without a result of the baseline"),
+    Column.named(
+        "compared.counts.collapsed", "number of ground motions with collapse of the building"
+    ),
+    Column.named(
+        "compared.counts.failed", "number of ground motions without a result of the building"
+    ),
+    Column(
+        "baseline_collapsed",
+        "1",
+        "base.counts.collapsed",
+        "number of ground motions with collapse of the baseline",
+    ),
+    Column(
+        "baseline_failed",
+        "1",
+        "base.counts.failed",
+        "number of ground motions without a result of the baseline",
+    ),
 )
 """Columns of ratios.csv."""
 

@@ -101,12 +101,13 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
             "the SimCenter export requires story results; set outputs: {stories: true} in the "
             "campaign file"
         )
-    (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
+    rule, records = store.pair_rule(), store.records()
+    directions = 2 if rule.pairs else 1
     names = [
         name for direction in range(1, directions + 1) for name in demand_names(stories, direction)
     ]
     # Ground motions in separate rows can have the same name, if they are components of one record.
-    sources = [source for source, _, direction in store.records().values() if direction == 1]
+    sources = [records[number][0] for number, first in rule.recordings.items() if number == first]
     has_component_column = len(set(sources)) < len(sources)
     header = ["building", "record", "component", "scale", "sample", *names]
     if not has_component_column:
@@ -143,23 +144,18 @@ def _rows(
     sample: identifiers of the run, with the component if `has_component`, and demands in all
     directions (2 if there are pairs).
     """
-    name_cells, records = run_heads(store), store.records()
+    name_cells, recordings = run_heads(store), store.pair_rule().recordings
     pga_of_record = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
     demand_count = len(demand_names(stories, 1))  # in each direction
-    # Both components of a pair are in the same row, which belongs to the first component. The
-    # second component (direction 2) has the number after the first component.
-    first_components = {
-        number: number - (direction - 1) for number, (_, _, direction) in records.items()
-    }
+    # Both components of a pair are in the same row, which belongs to the first component.
     for building, building_rows in groupby(store.parts(STORIES), key=lambda row: row[0]):
         rows: dict[tuple[int, float, int], list[Any]] = {}
         for (record, scale, sample), story_rows_of_run in groupby(
             building_rows, key=lambda row: row[1:4]
         ):
-            key = (first_components[record], scale, sample)
+            key = (recordings[record], scale, sample)
             cells = rows.setdefault(key, [None] * (demand_count * directions))
-            _, _, direction = records[record]
-            start = demand_count * (direction - 1)
+            start = demand_count * (record != recordings[record])
             pga = abs(scale) * pga_of_record[record]
             demands = _demands_of_run(list(story_rows_of_run), pga, stories)
             cells[start : start + demand_count] = demands

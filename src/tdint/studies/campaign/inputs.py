@@ -63,7 +63,6 @@ _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
 _MOST_NAMES = 10  # names listed in a message
 
 _FACTOR_COLUMNS = ("record", "component", "factor")
-_PROVENANCE_COLUMNS = ("target", "rule")
 
 
 @dataclass(frozen=True)
@@ -259,16 +258,21 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
 
 def _check_costs(rows: InventoryRows) -> None:
     """Check the columns of an inventory with the cost and the number of buildings, if they exist.
-    Raise ModelError, with all invalid cells, if a cell is neither empty nor zero nor a positive
-    number."""
+    Raise ModelError, with all invalid cells, if a cell is neither zero nor a positive number. Only
+    costs may be empty: they are unknown."""
+    expected = "zero or a positive number"
+    faults = []
+    for name in filter(rows.table.table.has, (COST, NUMBER)):  # both columns are optional
+        missing = "" if name == COST else f"is missing; give {expected}"
 
-    def describe_error(_: int, text: str) -> str:
-        """Return the error of a cell with this text; empty if the cell is valid."""
-        is_valid = not text or number(text) >= 0.0
-        return "" if is_valid else number_error(text, "zero or a positive number")
+        def describe_error(_: int, text: str, missing: str = missing) -> str:
+            """Return the error of a cell with this text; empty if the cell is valid."""
+            if not text:
+                return missing
+            return "" if number(text) >= 0.0 else number_error(text, expected)
 
-    present = filter(rows.table.table.has, (COST, NUMBER))  # both columns are optional
-    if faults := rows.faults(describe_error, *present):
+        faults += rows.faults(describe_error, name)
+    if faults:
         raise ModelError(faults)
 
 
@@ -556,9 +560,7 @@ def read_factors(file: str) -> FactorTable:
         f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` "
         "writes such a file"
     )
-    table = read_table(
-        file, format_text, columns=(*_FACTOR_COLUMNS, *_PROVENANCE_COLUMNS, *_LEVEL_COLUMNS, "unit")
-    )
+    table = read_table(file, format_text, columns=(*_FACTOR_COLUMNS, *_LEVEL_COLUMNS, "unit"))
     table.need(*_FACTOR_COLUMNS)
     levels, level_unit = _levels_in(table)
     motions = zip(table.texts("record"), table.texts("component"), strict=True)
@@ -584,23 +586,7 @@ def read_factors(file: str) -> FactorTable:
             scale_settings = settings
     if scale_settings:
         record_digest(settings_file, content)
-    else:
-        scale_settings = {"settings": _scaling_in(table)}
-    by_name = {motion: tuple(numbers) for motion, numbers in factors_of_motion.items()}
-    level_by_name = {
-        motion: tuple(numbers.values()) for motion, numbers in factors_of_motion.items()
-    }
-    if not level_unit:
-        return FactorTable(file, by_name, scale_settings)
-    return FactorTable(file, by_name, scale_settings, level_by_name, level_unit)
-
-
-def _scaling_in(table: CsvTable) -> dict[str, str]:
-    """Return target and rule of the scaling from the columns of a table of factors; several targets
-    of its rows are one text."""
-    columns = [name for name in _PROVENANCE_COLUMNS if table.has(name)]
-    distinct = {name: dict.fromkeys(filter(None, table.texts(name))) for name in columns}
-    return {name: "; ".join(texts) for name, texts in distinct.items() if texts}
+    return FactorTable(file, factors_of_motion, scale_settings, level_unit)
 
 
 _UNITS_OF_LEVELS = {
@@ -732,8 +718,5 @@ def _located(table: FactorTable) -> FactorTable:
             f"{table.source}: records not found: {missing_text}; the path of a record must be "
             "relative to the working directory or to the directory of the table"
         )
-    by_name, level_by_name = (
-        {(located[file], component): values for (file, component), values in rows.items()}
-        for rows in (table.by_name, table.level_by_name)
-    )
-    return replace(table, by_name=by_name, level_by_name=level_by_name)
+    by_name = {(located[file], part): rows for (file, part), rows in table.by_name.items()}
+    return replace(table, by_name=by_name)

@@ -44,7 +44,7 @@ from tdint.studies.campaign.story_profiles import (
 )
 from tdint.studies.campaign.variants import at_levels
 from tdint.studies.motions.outcomes import outcomes_of, with_outcomes
-from tdint.studies.motions.pairs import MEAN
+from tdint.studies.motions.pairs import MEAN, suite_text
 from tdint.studies.motions.scaling_figures import GRAY
 from tdint.units import SI, OutputUnits
 
@@ -115,21 +115,14 @@ def profile_picture(
 
 
 def _motions_text(profile: Profile, member: str) -> str:
-    """Return the number of ground motions of a profile and the demand of pairs for a title, for
-    example `11 pairs, the larger component of each`.
-    """
-    runs, pairs = profile.counts.motions, profile.pairs
-    is_mean = profile.pair_demand == MEAN
-    demand = "mean of both components" if is_mean else "larger component"
-    if 0 < pairs < runs:
-        return f"{pluralize(runs, member)}, of {pluralize(pairs, 'pair')} the {demand}"
-    if pairs:
-        text = f"{pluralize(pairs, 'pair')}, the {demand}"
-        return text if is_mean else f"{text} of each"
-    text = pluralize(runs, member)
-    if profile.pair_demand:
-        text += ", the components of pairs counted separately"
-    return text
+    """Return the numbers of components, recordings and pairs of a profile and the demand of pairs
+    for a title."""
+    if not profile.pairs:
+        text = pluralize(profile.counts.motions, member)
+        apart = ", the components of pairs counted separately"
+        return f"{text}{apart}" if profile.pair_demand else text
+    demand = "mean" if profile.pair_demand == MEAN else "larger"
+    return f"{suite_text(profile.motion.tolist())}, {demand} demand of both components"
 
 
 def _by_length(profiles: Sequence[Profile]) -> bool:
@@ -417,7 +410,6 @@ def run_profiles(runs: Runs) -> list[Profile]:
                     # A run is identified by its number in the runs of its building and scale.
                     [Run(index, scale, 0) for index in range(selected.size)],
                     np.arange(selected.size),
-                    outcome,
                     outcome,
                     measure=("", ""),
                     pair_demand="",

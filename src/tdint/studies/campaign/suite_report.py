@@ -315,9 +315,17 @@ def _damage(store: Store) -> tuple[Part, ...]:
         return ()
     # The rule for pairs is one of the assumptions, so its column is omitted. The event is part of
     # the key of a row.
-    columns, rows = loss_table(store)
+    by = store.grouped_by()
+    columns, rows = loss_table(store, by)
     losses = Table.of(columns, rows if has_losses(store) else ())
-    names = [name for name in losses.columns if name != "pair_demand"]
+    names = [name for name in losses.columns if name not in ("pair_demand", by)]
+    districts: list[Part] = []
+    if by is not None and losses.rows:
+        column = losses.columns.index(by)
+        of_districts = losses._replace(rows=[row for row in losses.rows if row[column]])
+        losses = losses._replace(rows=[row for row in losses.rows if not row[column]])
+        shown = [by, *(name for name in names if name not in ("type", "building"))]
+        districts = [f"Losses by {by}:", of_districts.chosen(shown)]
     losses = losses.chosen(sorted(names, key=lambda name: name != "event"))
     losses = losses._replace(rows=losses.rows[:_MAX_DAMAGE_ROWS])
     states = _with_state_columns(Table.of(*type_table(store)))
@@ -337,6 +345,7 @@ def _damage(store: Store) -> tuple[Part, ...]:
         loss_text,
         losses,
         omission,
+        *districts,
     )
 
 
@@ -396,16 +405,16 @@ def _scaling(
     table = plan.levels
     if not isinstance(table, FactorTable):
         return (), []
-    # `settings` contains the target or intensity measure and the rule. The period range, the
-    # damping ratio and the treatment of pairs are in the JSON file next to the factors only.
-    settings = table.scaled.get("settings", {})
-    if not settings:
+    if not table.scaled:
         return (
-            f"Scale factors: {table.source}; the method of scaling is unknown, because the table "
-            "has no columns `target` and `rule`.",
+            f"Scale factors: {table.source}; the method of scaling is unknown, because there is no "
+            "JSON file of `tdint scale` next to the factors.",
         ), []
+    # `settings` contains the target or intensity measure, the rule, the period range, the damping
+    # ratio and the treatment of pairs.
+    settings = table.scaled["settings"]
     parts: list[Part] = [_scaling_text(table.source, settings)]
-    scaling = _scaled_suite(plan, table, settings) if settings.get("periods_s") else None
+    scaling = _scaled_suite(plan, table, settings) if settings["target"] else None
     if scaling is not None:
         parts.append(
             Picture(
@@ -418,21 +427,21 @@ def _scaling(
 
 def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
     """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio."""
-    facts = [f"Scale factors: {factors}, computed by tdint scale"]
-    if rule := settings.get("rule"):
-        facts.append(f"rule {rule} ({_RULES[rule]})" if rule in _RULES else f"rule {rule}")
-    if settings.get("target"):
+    facts = [
+        f"Scale factors: {factors}, computed by tdint scale",
+        f"rule {settings['rule']} ({_RULES[settings['rule']]})",
+    ]
+    if settings["target"]:
         facts.append(f"target {spectrum_text(settings['target'])}")
-    elif settings.get("measure"):
+    elif settings["measure"]:
         value = f"{settings['value']:.4g} {settings['unit']}".strip()
         facts.append(f"target {settings['measure']} = {value}")
-    if settings.get("periods_s"):
+    if settings["periods_s"]:
         facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
-    if settings.get("damping") is not None:
-        facts.append(f"{100.0 * settings['damping']:g} % damping")
-    if settings.get("pairs"):
+    facts.append(f"{100.0 * settings['damping']:g} % damping")
+    if settings["pairs"]:
         facts.append(f"pairs represented by {scaling_figures.pair_text(settings['pairs'])}")
-    if settings.get("least_average_over_target") is not None:
+    if settings["least_average_over_target"] is not None:
         ratio = 100.0 * settings["least_average_over_target"]
         facts.append(f"the minimum ratio of average to target is {ratio:.3g} %")
     return f"{'; '.join(facts)}."
@@ -588,7 +597,7 @@ def _variants(
                 profile,
                 _largest_mean(drifts),
                 float(np.nanmax(drifts, initial=-math.inf)),
-                float(ratios_of(profile, base, drift).mean[0]),
+                float(ratios_of(profile, base, drift).ratios.mean[0]),
                 _largest_mean(completed.peaks["peak_absolute_acceleration"]),
                 _largest_mean(residual),
                 float(np.mean(shear)),

@@ -12,16 +12,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from tdint.arrays import Array
 from tdint.errors import UsageError, did_you_mean
 from tdint.number_parsing import abbreviate
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.studies.campaign.story_profiles import Profile
-from tdint.studies.motions.outcomes import ratios_to
+from tdint.studies.motions.outcomes import MotionRatios, ratios_to
 
 
 def at_levels(profiles: Iterable[Profile]) -> list[list[Profile]]:
@@ -33,42 +32,25 @@ def at_levels(profiles: Iterable[Profile]) -> list[list[Profile]]:
     return list(levels.values())
 
 
-@dataclass(frozen=True)
-class Ratios:
-    """Ratio of a quantity of a building to the quantity of the baseline at the same level, in each
-    story of the baseline.
+class Ratios(NamedTuple):
+    """Ratio of a quantity of a building to the quantity of the baseline at the same level: of the
+    maxima over all stories of each building, without isolators for drifts; then of each story of
+    the baseline from the ground up (`story_pairs`)."""
 
-    Attributes
-    ----------
-    scale : float
-        Scale factor of all motions; NaN if motions have different factors.
-    level : float
-        Value of the intensity measure or number of the level; NaN if the level is a factor.
-    quantity : str
-        Name of the quantity.
-    mean, median, max : ndarray, shape (1 + stories,)
-        Ratio of the maxima over all stories of each building, without isolators for drifts; then
-        ratio of each story of the baseline from the ground up (`story_pairs`). NaN if a building
-        does not have the story, or the baseline has no value, or zero.
-    motions : int
-        Number of motions of means and maxima, which both buildings complete.
-    collapsed, failed, baseline_collapsed, baseline_failed : int
-        Numbers of motions with collapse, and without a result, of both buildings.
-    """
-
-    building: str
-    baseline: str
-    scale: float
-    level: float
+    compared: Profile
+    base: Profile
     quantity: str
-    mean: Array
-    median: Array
-    max: Array
-    motions: int
-    collapsed: int
-    failed: int
-    baseline_collapsed: int
-    baseline_failed: int
+    ratios: MotionRatios
+
+    @property
+    def scale(self) -> float:
+        """Scale factor of all motions; NaN if motions have different factors."""
+        return self.compared.scale
+
+    @property
+    def level(self) -> float:
+        """Value of the intensity measure or number of the level; NaN if the level is a factor."""
+        return self.compared.level
 
 
 def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
@@ -134,24 +116,10 @@ def ratios_of(compared: Profile, base: Profile, quantity: str) -> Ratios:
     is_drift = "drift" in quantity  # the drift of an isolator is its displacement
     apart = [[i - 1 for i in item.isolators] if is_drift else [] for item in (base, compared)]
     stories = [] if is_base_shear else story_pairs(compared, base)
-    mean, median, largest, motions = ratios_to(values[0], values[1], stories, (apart[0], apart[1]))
+    found = ratios_to(values[0], values[1], stories, (apart[0], apart[1]))
     if is_base_shear:  # one row, without a story
-        mean, median, largest = mean[:1], median[:1], largest[:1]
-    return Ratios(
-        compared.building,
-        base.building,
-        compared.scale,
-        compared.level,
-        _CALLED.get(quantity, quantity),
-        mean,
-        median,
-        largest,
-        motions,
-        compared.counts.collapsed,
-        compared.counts.failed,
-        base.counts.collapsed,
-        base.counts.failed,
-    )
+        found = found._replace(mean=found.mean[:1], median=found.median[:1], max=found.max[:1])
+    return Ratios(compared, base, _CALLED.get(quantity, quantity), found)
 
 
 def story_pairs(compared: Profile, base: Profile) -> list[tuple[int, int]]:

@@ -194,8 +194,9 @@ class TypeDamage:
         Value of the intensity measure (SI units), scale factor, or number of the level.
     inventory_entry : str
         Entry of the inventory column that defines the groups; empty for other groups.
-    rows, buildings : int, float
-        Number of rows of the inventory, and of the buildings that they represent.
+    rows, rows_with_cost, buildings : int, int, float
+        Number of rows of the inventory, of those with a result and a cost, and of the buildings
+        that all rows represent.
     runs, failed : int
         Number of runs, and of runs without a result, which do not contribute to the
         probabilities and losses. Runs under a pair that counts as a single ground motion are one
@@ -209,6 +210,7 @@ class TypeDamage:
     level: float = math.nan
     inventory_entry: str = ""
     rows: int = 0
+    rows_with_cost: int = 0
     buildings: float = 0.0
     runs: int = 0
     failed: int = 0
@@ -241,6 +243,7 @@ class TypeDamage:
         self.runs += int(np.sum(is_at_level))
         self.failed += int(np.sum(is_at_level & ~is_counted))
         has_losses, has_cost = bool(damage.states.losses), not math.isnan(cost)
+        self.rows_with_cost += bool(is_counted.any()) and has_cost
         loss_columns = (damage.loss, damage.squared_loss) if has_losses else ()
         # The mean of the row over its runs with a result is weighted by the number of buildings.
         weight = equal / max(int(np.sum(is_counted)), 1)

@@ -49,7 +49,8 @@ LEVEL = Column.named(
     "of the scale factor if each ground motion has its own factors",
 )
 COUNTS = (
-    Column.named("buildings", "number of buildings of the type"),
+    Column.named("buildings", "number of buildings of the type, the sum of the column number"),
+    Column.named("rows", "number of rows of the inventory with these buildings"),
     Column.named(
         "runs", "number of runs; a pair counts as one unless its components count separately"
     ),
@@ -84,13 +85,14 @@ _MONEY = (
     ),
     Column("loss", "1", "money.value", "mean total loss of these buildings, in the unit of cost"),
     Column("loss_error", "1", "money.error", "standard error of loss over the ground motions"),
+    Column.named("rows_with_cost", "number of rows of the inventory with a result and a cost"),
 )
 """Columns of an inventory with costs."""
 
 LOSSES = (
     TYPE,
     Column.named("building", "name of the building; empty for the complete type", TEXT),
-    *TYPES[1:5],
+    *TYPES[1:6],
     LOSS,
     Column(
         "loss_ratio_error",

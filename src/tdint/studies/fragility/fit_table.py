@@ -22,6 +22,7 @@ from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_file, is_folder
+from tdint.fractiles import expected_deviation
 from tdint.number_parsing import pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
@@ -31,6 +32,7 @@ from tdint.studies.fragility.fragility_function import (
     CLOUD,
     FITS,
     IDA,
+    NORMAL,
     SAME_LEVEL,
     SELDOM,
     STRIPES,
@@ -389,7 +391,14 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
             f"{table.source}: --pair-demand {request.pair_demand} has no effect, because the table "
             "has no column pair_demand and contains only capacities"
         )
-    return FragilityResult.of(fits, *warnings)
+    result = FragilityResult.of(fits, *warnings)
+    samples = dict.fromkeys(f.motions for f in result.functions if f.error_method == NORMAL)
+    notes = tuple(
+        f"the beta of {pluralize(count, 'capacity')} is on average "
+        f"{expected_deviation(count):.3f} times the true dispersion; it is not corrected"
+        for count in samples
+    )
+    return replace(result, notes=notes)
 
 
 def _fit_capacity_rows(

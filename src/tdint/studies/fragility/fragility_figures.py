@@ -118,10 +118,9 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
     figure.legend(
         lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2
     )
-    return titled(
-        figure,
-        "Probability of damage states and observed fractions, 95 % confidence over the motions",
-    )
+    has_band = any(function.has_band for function in functions)
+    bands = ", 95 % confidence over the motions" if has_band else ""
+    return titled(figure, f"Probability of damage states and observed fractions{bands}")
 
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
@@ -158,7 +157,7 @@ def draw_functions(
                 im, probability, color=style["color"], linestyle=":", linewidth=1.2, label=label
             )
     which = rf"with $\beta_{{model}}$ = {functions[0].modeling_dispersion:.2g}"
-    if fitted and any(np.isfinite(function.covariance).all() for function in functions):
+    if fitted and any(function.has_band for function in functions):
         axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
     axes.set(xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
@@ -185,7 +184,7 @@ def _draw_function(
     """
     edge_width, width, marker_size = sizes
     style = line_style(i)
-    if np.isfinite(function.covariance).all():
+    if function.has_band:
         low, high = function.band(im)
         axes.fill_between(im, low, high, color=style["color"], alpha=alpha, linewidth=0.0)
         for edge in (low, high):

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import ndtr, stdtrit
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
+from tdint.fractiles import RELIABLE
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.studies.fragility.collapse_cloud import CollapseCloud
 from tdint.tabular import Described
@@ -303,7 +304,11 @@ class Fragility(Described):
     @property
     def theta_interval(self) -> tuple[float, float]:
         """95 % confidence interval of theta. The standard error is the error of ln theta."""
-        factor = math.exp(_TWO_SIDED * self.theta_error)
+        # Moments of capacities are those of a normal sample: Student's distribution.
+        is_sample = self.error_method == NORMAL
+        factor = math.exp(
+            (stdtrit(self.motions - 1, 0.975) if is_sample else _TWO_SIDED) * self.theta_error
+        )
         return self.theta / factor, self.theta * factor
 
     @property
@@ -340,6 +345,15 @@ class Fragility(Described):
         with np.errstate(divide="ignore"):  # zero at the intensity 0, with the logarithm -inf
             logarithm = np.log(im / self.theta)
         return np.asarray(ndtr(logarithm / (self.beta_total if total else self.beta)))
+
+    @property
+    def has_band(self) -> bool:
+        """True if the standard errors determine a confidence band: its limits decrease with the
+        intensity if the standard error of beta is too large. A jackknife over few ground motions
+        determines no band, because its standard errors are uncertain themselves."""
+        is_known = bool(np.isfinite(self.covariance).all())
+        is_sufficient = self.error_method != JACKKNIFE or self.motions >= RELIABLE
+        return is_known and is_sufficient and NORMAL_95 * self.beta_error < self.beta
 
     def band(self, im: Array) -> tuple[Array, Array]:
         """Return the pointwise 95 % confidence band of the probability, two arrays of shape (k,).

@@ -56,7 +56,8 @@ RANK_AND_FIT = (
 )
 INTERVALS = (
     "Intervals contain 95 %: theta times exp(-1.96 e) to exp(1.96 e) with the standard error e of "
-    "ln theta, and beta plus or minus 1.96 standard errors. Standard errors are computed by "
+    "ln theta (for capacities without censored ones the value of Student's distribution in place "
+    "of 1.96), and beta plus or minus 1.96 standard errors. Standard errors are computed by "
     "omitting ground motions in turn (jackknife) if the table states the ground motions of several "
     "runs; otherwise they follow from the information matrix."
 )

@@ -47,7 +47,13 @@ from tdint.studies.motions.intensity import (
     measure_of,
     sa,
 )
-from tdint.studies.motions.pairs import LARGER, SEPARATE, check_pair_demand, join_pairs
+from tdint.studies.motions.pairs import (
+    LARGER,
+    SEPARATE,
+    check_pair_demand,
+    join_pairs,
+    suite_text,
+)
 from tdint.studies.store.identity import Identity, as_json
 from tdint.studies.store.opening import open_or_create, open_replacement
 from tdint.studies.store.result_store import Store
@@ -167,13 +173,9 @@ class IdaStudy(Tabular):
 
     @property
     def motions_text(self) -> str:
-        """Number of ground motions, for example `2 pairs and 1 single record`."""
-        records = len(self.states[0].curves)
-        pairs = 0 if self.pair_demand == SEPARATE else len(self.partners)
-        if not pairs:
-            return pluralize(records, "record")
-        text, singles = pluralize(pairs, "pair"), records - 2 * pairs
-        return f"{text} and {pluralize(singles, 'single record')}" if singles else text
+        """Numbers of components, recordings and pairs (`suite_text`)."""
+        records = range(len(self.states[0].curves))
+        return suite_text([self.partners.get(record, record) for record in records])
 
     @property
     def states(self) -> list[IdaStudy]:
@@ -307,9 +309,9 @@ def ida(
     if isinstance(motions, Record | Horizontals | str):
         motions = [motions]
     subject, settings = _prepare(model_of(model), settings, method)
-    suite = [motion_of(motion) for motion in motions]
-    if check_pair_demand(pair_demand) != SEPARATE:
-        suite = join_pairs(suite)
+    # The rule for the demand of a pair does not change its intensity.
+    check_pair_demand(pair_demand)
+    suite = join_pairs([motion_of(motion) for motion in motions])
     measure = measure_of(measure) if isinstance(measure, str) else measure or sa(subject.period)
     # A pair is a motion with two records, which have the same intensity.
     motions_and_records = [(motion, record) for motion in suite for record in components(motion)]

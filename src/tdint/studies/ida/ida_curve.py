@@ -27,7 +27,8 @@ from tdint.response.runs.outcome import FailedRun
 from tdint.response.runs.run_values import RUN_WITH_ERROR
 from tdint.response.runs.sequence import EventSequence, event_responses, sequence_of
 from tdint.studies.campaign.chunks import RunRow
-from tdint.studies.motions.pairs import LARGER, MEAN, combine
+from tdint.studies.motions.outcomes import demands_of_motions
+from tdint.studies.motions.pairs import LARGER, MEAN
 
 # ---- Curve of a building under one record: runs at levels of intensity, and search for levels
 #
@@ -453,14 +454,15 @@ class PairCurve(IdaCurve):
         levels = sorted(
             {run.im for curve in curves for run in curve.stable if run.im <= last_common_level}
         )
-        demands = combine(np.array([_demands_at(curve, levels) for curve in curves]), demand)
+        motion = np.zeros(len(curves), np.intp)
+        of_curves = np.array([_demands_at(curve, levels) for curve in curves])
+        (demands,) = demands_of_motions(motion, of_curves, demand)
         runs = (
             IdaRun(im, math.nan, DONE, drift, limit_ratios=tuple(limit_ratios))
             for im, (drift, *limit_ratios) in zip(levels, demands.tolist(), strict=True)
         )
-        residual = float(
-            combine(np.array([curve.residual_drift_ratio for curve in curves]), demand)
-        )
+        residuals = np.array([curve.residual_drift_ratio for curve in curves])
+        residual = float(demands_of_motions(motion, residuals, demand)[0])
         return cls(
             first.record,
             tuple(runs),

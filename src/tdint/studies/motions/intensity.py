@@ -25,9 +25,15 @@ from tdint.response.spectra.elastic import SA_DAMPING, spectrum
 from tdint.response.spectra.rotated import rotated_spectrum
 
 GEOMETRIC_MEAN = "geometric-mean"
-PAIRS: dict[str, int | None] = {GEOMETRIC_MEAN: None, "rotd50": 50, "rotd100": 100}
+LARGER_COMPONENT = "larger"
+PAIRS: dict[str, int | None] = {
+    GEOMETRIC_MEAN: None,
+    "rotd50": 50,
+    "rotd100": 100,
+    LARGER_COMPONENT: None,
+}
 """Combinations of the components of a pair: percentile over all directions, or None for the
-geometric mean of both components."""
+geometric mean or the larger value of both components."""
 
 AVERAGE = Grid(0.2, 3.0, 50)
 """Default multiples of the period over which Sa is averaged (Eads et al. 2015)."""
@@ -93,7 +99,8 @@ class MotionIntensity:
         percentile = percentile_of(pair)
         first, second = motion.first, motion.second
         if percentile is None:
-            return positive(math.sqrt(value(first) * value(second)), self.name, motion)
+            combined = _of_components(np.array(value(first)), np.array(value(second)), pair)
+            return positive(float(combined), self.name, motion)
         # In the opposite direction only the sign of the motion differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
@@ -237,7 +244,7 @@ def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageErr
 
 def percentile_of(pair: str) -> int | None:
     """Return the percentile over all directions for a name of `PAIRS`: 50 for `rotd50`, 100 for
-    `rotd100`, None for the geometric mean.
+    `rotd100`, None for the geometric mean and the larger component.
 
     Raises
     ------
@@ -281,8 +288,13 @@ def pseudo_accelerations(
         spectra = [
             spectrum(record, periods, damping).psa for record in (motion.first, motion.second)
         ]
-        return np.asarray(np.sqrt(spectra[0] * spectra[1]))
+        return _of_components(spectra[0], spectra[1], pair)
     return np.asarray(rotated_spectrum(motion, periods, damping, [percentile]).psa[0])
+
+
+def _of_components(first: Array, second: Array, pair: str) -> Array:
+    """Return the larger, or the geometric mean, of the values of two components."""
+    return np.maximum(first, second) if pair == LARGER_COMPONENT else np.sqrt(first * second)
 
 
 def check_period(period: float) -> None:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.fractiles import fractiles
 from tdint.model.status import DONE, FALLEN
-from tdint.number_parsing import pluralize
 from tdint.studies.motions.pairs import MEAN
 
 COMPLETED, COLLAPSED, FAILED = 0, 1, 2
@@ -132,17 +131,6 @@ def counts(outcome: Outcomes) -> Counts:
     return Counts(*np.bincount(outcome, minlength=3).tolist())
 
 
-def suite_text(recording: Sequence[Hashable]) -> str:
-    """Return the text `7 components, 4 recordings, 3 pairs` from the recording of each component;
-    only the components if no two belong to one recording."""
-    components, recordings = len(recording), len(set(recording))
-    if components == recordings:
-        return pluralize(components, "component")
-    pairs = components - recordings
-    nouns = {"component": components, "recording": recordings, "pair": pairs}
-    return ", ".join(pluralize(count, noun) for noun, count in nouns.items())
-
-
 class MotionRatios(NamedTuple):
     """Ratios of a building to a baseline: of the maxima over the stories of each building, then of
     each story of the baseline. NaN if too few motions are common; infinity for a collapse.
@@ -215,24 +203,6 @@ class Mean(NamedTuple):
 
     value: Array
     error: Array
-
-
-def weighted_mean(values: Array, weight: Array, motion: Indices) -> Mean:
-    """Return a mean over runs with its jackknife standard error over motions.
-
-    Parameters
-    ----------
-    values : ndarray, shape (runs, k)
-        Probabilities, losses or other values.
-    weight : ndarray, shape (runs,)
-        Number of equal buildings, their cost, or 1.
-    motion : ndarray of int, shape (runs,)
-        Index of the motion of each run.
-    """
-    weighted = np.column_stack([weight, weight[:, np.newaxis] * values])
-    sums = np.zeros((int(motion.max(initial=-1)) + 1, weighted.shape[1]))
-    np.add.at(sums, motion, weighted)
-    return mean_of_sums(sums)
 
 
 def mean_of_sums(sums: Array) -> Mean:

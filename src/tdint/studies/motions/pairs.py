@@ -21,9 +21,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-import numpy as np
-
-from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import (
     at_right_angles,
@@ -33,8 +30,8 @@ from tdint.ground_motion.horizontals import (
     motion_names,
     with_component,
 )
-from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion
-from tdint.ground_motion.record import Record, named_components
+from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
+from tdint.ground_motion.record import Record
 from tdint.number_parsing import abbreviate, pluralize
 
 if TYPE_CHECKING:
@@ -192,14 +189,24 @@ class PairRule:
         listed = abbreviate(list(dict.fromkeys(motion_names(names))), _MAX_LISTED_PAIRS)
         others = " or ".join(other for other in PAIR_DEMANDS if other != self.demand)
         change = f"; --pair-demand {others} changes this" if is_default else ""
+        counts = suite_text([*self.recordings.values()])
         return (
-            f"{pluralize(self.pairs, 'pair')} of horizontal components"
-            f"{f' ({listed})' if listed else ''}: {describe_demand(self.demand)} (pair_demand: "
-            f"{self.demand}{change})"
+            f"{counts}{f' ({listed})' if listed else ''}: {describe_demand(self.demand)} "
+            f"(pair_demand: {self.demand}{change})"
         )
 
 
 _MAX_LISTED_PAIRS = 4  # maximum number of pairs in a note
+
+
+def suite_text(recording: Sequence[Hashable]) -> str:
+    """Return the text `7 components, 4 recordings, 3 pairs` from the recording of each component;
+    `4 records` if no two belong to one recording."""
+    components, recordings = len(recording), len(set(recording))
+    if components == recordings:
+        return pluralize(components, "record")
+    nouns = {"component": components, "recording": recordings, "pair": components - recordings}
+    return ", ".join(pluralize(count, noun) for noun, count in nouns.items())
 
 
 def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
@@ -220,12 +227,19 @@ def recordings_of(motions: Sequence[SuiteMotion]) -> list[GroundMotion]:
     together, for example with different sampling intervals, remain single records
     (`check_pairs`).
     """
+    return _recordings(motions, PairRule.from_motions(motions, None), RecordError)
+
+
+def _recordings(
+    motions: Sequence[SuiteMotion], rule: PairRule, *tolerated: type[RecordError]
+) -> list[GroundMotion]:
+    """Return the recording of each motion; `tolerated` errors leave single records."""
     result = [motion.ground_motion for motion in motions]
-    for second, first in PairRule.from_motions(motions, None).partners.items():
+    for second, first in rule.partners.items():
         components = (result[first], result[second])
         records = [motion for motion in components if isinstance(motion, Record)]
         if len(records) == 2:
-            with suppress(RecordError):
+            with suppress(*tolerated):
                 result[first] = result[second] = find_horizontals(
                     [with_component(record, in_degrees=True) for record in records]
                 )
@@ -236,53 +250,15 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
     """Return the ground motions, with two single records replaced by a pair if their names state
     that they belong to the same recording. A pair is at the position of its first record.
 
-    Parameters
-    ----------
-    motions : sequence of Record or Horizontals
-        Single records, and pairs, which are not changed.
-
     Raises
     ------
     RecordError
         Two such records cannot be a pair, for example because their sampling intervals differ.
     """
-    # Name, component and direction of each single record, by its number. The direction 0 denotes a
-    # record that was not read as a component of a pair.
-    records = {n: motion for n, motion in enumerate(motions) if isinstance(motion, Record)}
-    names = named_components([*records.values()])
-    singles = {n: (*name, 0) for n, name in zip(records, names, strict=True)}
-    recordings = recording_numbers(singles)
-    # Number of the second component by the number of the first component
-    second_of_first = {first: number for number, first in recordings.items() if number != first}
-    joined: list[GroundMotion] = []
-    for number, motion in enumerate(motions):
-        if recordings.get(number, number) != number:
-            continue  # a second component was added with the first component
-        second = motions[second_of_first[number]] if number in second_of_first else None
-        if isinstance(motion, Record) and isinstance(second, Record):
-            named = [with_component(record, in_degrees=True) for record in (motion, second)]
-            joined.append(find_horizontals(named))
-        else:
-            joined.append(motion)
-    return joined
-
-
-def combine(values: Array, demand: str) -> Array:
-    """Return the demand of a ground motion from the demands of its components.
-
-    Parameters
-    ----------
-    values : ndarray, shape (components, ...)
-        Demands of the components; a single component for the rule `separate`.
-    demand : str
-        An item of `PAIR_DEMANDS`: `mean` for the mean, otherwise the maximum.
-
-    Returns
-    -------
-    ndarray
-        Demands; the first axis of `values` is removed.
-    """
-    return np.asarray(np.mean(values, axis=0) if demand == MEAN else np.max(values, axis=0))
+    records = suite_motions(motions)
+    rule = PairRule.from_motions(records, None)
+    recordings = _recordings(records, rule)
+    return [recordings[number] for number, first in rule.recordings.items() if number == first]
 
 
 def describe_demand(demand: str) -> str:

@@ -14,9 +14,10 @@ import numpy as np
 
 from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
+from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
-from tdint.number_parsing import pluralize
+from tdint.ground_motion.record import Record
 from tdint.response.arguments import AnyMotion, motion_of, numbers_of
 from tdint.response.spectra.elastic import SA_DAMPING, checked_periods
 from tdint.response.spectra.target import TargetSpectrum, read_targets
@@ -32,6 +33,7 @@ from tdint.studies.motions.intensity import (
     pseudo_accelerations,
     sa,
 )
+from tdint.studies.motions.pairs import join_pairs, suite_text
 from tdint.tabular import Tabular
 
 RULES = ("mean", "asce7", "ec8")
@@ -133,20 +135,18 @@ class Scaling(Tabular):
     def _headline(self) -> str:
         """Return the number of motions, the rule, and the range of the factors."""
         low, high = np.min(self.factors), np.max(self.factors)
-        return (
-            f"of {pluralize(len(self.motions), 'motion')} by the rule {self.rule}, factors "
-            f"{low:.4g} to {high:.4g}"
-        )
+        return f"of {self.suite} by the rule {self.rule}, factors {low:.4g} to {high:.4g}"
 
     @property
-    def target_text(self) -> str:
-        """Target as text: the spectrum as on the command line, or the intensity measure and its
-        value, such as `sa(0.5) = 2.942 m/s^2`; empty for a suite that was only normalized."""
-        if self.target is not None:
-            return self.target.source
-        if self.measure is None or self.value is None:
-            return ""
-        return f"{self.measure.name} = {self.value:.4g} {self.measure.unit}"
+    def suite(self) -> str:
+        """Numbers of components, recordings and pairs (`suite_text`)."""
+        return suite_text([i for i, motion in enumerate(self.motions) for _ in components(motion)])
+
+    @property
+    def noun(self) -> str:
+        """Noun for one of the motions: record, pair, or recording if there are both."""
+        nouns = {"record" if isinstance(item, Record) else "pair" for item in self.motions}
+        return nouns.pop() if len(nouns) == 1 else "recording"
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
         """Return the motions with an absolute scale factor outside a range.
@@ -349,7 +349,7 @@ def scale_p695(
     # According to FEMA P-695, this removes the variation of the pairs due to magnitude and
     # distance.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
-    factors = np.median(velocities) / velocities
+    factors = fractiles(velocities, (0.5,)) / velocities
     if measure is None or value is None:
         return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping)
     _check_value(measure, value)
@@ -361,7 +361,7 @@ def scale_p695(
         for pair, factor in zip(pairs, factors, strict=True)
         for record in components(pair)
     ]
-    factors = factors * (value / float(np.median(values)))
+    factors = factors * (value / float(fractiles(np.array(values), (0.5,))[0]))
     return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping, measure, value)
 
 
@@ -383,7 +383,7 @@ def scale(
     ----------
     motions : sequence
         Records, paths or traces. A tuple of two, or a result of `read_horizontals`, is a pair with
-        the same factor.
+        the same factor, as are two records whose names differ only in the component.
     measure : IntensityMeasure or str
         `pga`, `pgv`, `pgd`, `arias`, `cav`, a measure of a plug-in, `sa(1.0)` or
         `sa-avg(1.0)` with the period in s.
@@ -425,7 +425,7 @@ def scale(
     RecordError
         A motion is invalid or zero.
     """
-    suite = [motion_of(motion) for motion in motions]
+    suite = join_pairs([motion_of(motion) for motion in motions])
     if not suite:
         raise UsageError("scale requires at least one ground motion")
     intensity_measure = measure_of(measure, damping) if isinstance(measure, str) else measure

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from tdint.arrays import Array
 from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import components
-from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
 from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output.figures.style import (
@@ -30,6 +29,7 @@ from tdint.output.figures.style import (
 from tdint.output.spectrum_text import spectrum_text
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
+    LARGER_COMPONENT,
     PAIRS,
     SpectralIntensity,
 )
@@ -44,7 +44,12 @@ from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 GRAY = "0.72"
 """Color of the line of a single record in a suite."""
 
-_PAIR_NAMES = {GEOMETRIC_MEAN: "geometric mean", "rotd50": "RotD50", "rotd100": "RotD100"}
+_PAIR_NAMES = {
+    GEOMETRIC_MEAN: "geometric mean",
+    "rotd50": "RotD50",
+    "rotd100": "RotD100",
+    LARGER_COMPONENT: "larger component",
+}
 _SPECTRAL_NAMES = {"sa": "Sa", "sa-avg": "Sa_avg"}
 
 
@@ -155,13 +160,12 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
     }
     # Many names would not fit.
     records = [record for motion in scaling.motions for record in components(motion)]
-    noun = "record" if isinstance(scaling.motions[0], Record) else "pair"
-    subject = pluralize(len(scaling.motions), noun)
+    subject = scaling.suite
     if len(scaling.motions) == 1:
         subject = motion_name(scaling.motions[0])
     title = f"{subject}{changed(records)}, {scaling_texts[scaling.rule]}\n"
     title += f"{100.0 * scaling.damping:g} % damping"
-    if noun == "pair" and scaling.rule != "p695":
+    if scaling.noun != "record" and scaling.rule != "p695":
         title += f", {pair_text(scaling.pair)}"
     return titled(figure, title)
 
@@ -182,7 +186,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     periods = np.geomspace(max(low, _MIN_INTERVALS * max(intervals)), high, int(count))
     # One line for each ground motion. FEMA P-695 uses the median of all components: one line for
     # each component.
-    quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
+    quantity = scaling.noun
     if quantity == "pair" and scaling.rule == "p695":
         quantity = "component"
         parts = [

@@ -171,6 +171,14 @@ class Store:
         (count,) = self.connection.execute(query).fetchone()
         return int(count)
 
+    def smallest_suite(self) -> int:
+        """Return the smallest number of ground motions of a building at a level; 0 without runs."""
+        (count,) = self.connection.execute(
+            "SELECT min(motions) FROM (SELECT count(DISTINCT motion) AS motions FROM run_rows "
+            "GROUP BY building, level)"
+        ).fetchone()
+        return count or 0
+
     def add(self, result: ChunkResult) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in a single transaction.
 
