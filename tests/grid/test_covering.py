@@ -58,9 +58,10 @@ SAME_MOTION = {
     *("excitation.record", "excitation.displacement", "excitation.velocity", "analysis"),
     # a table of forces from a file, instead of points
     *("excitation.forces.file", "excitation.forces.floors", "excitation.forces.column"),
-    # laws and dashpots of attachments and links are those of stories; inertance is refused
+    # laws and dashpots of attachments and links are those of stories
     *(f"{device}.{key}" for device in ("attachments", "links") for key in ("law", "dashpot")),
-    *("attachments.weight", "attachments.inertance", "links.inertance"),
+    # inerters of linear models: tests/response/runs/test_inertance.py
+    *("attachments.weight", "attachments.inertance", "links.inertance", "stories.inertance"),
     *("attachments.mass_ratio", "attachments.period", "attachments.damping"),
     # fracture: tests/grid/test_fractures.py
     *("stories.law.fracture_drift", "stories.elements.fracture_drift"),

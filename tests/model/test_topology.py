@@ -185,11 +185,7 @@ def test_fill_in_has_columns_between_the_floors_of_long_links():
             "{name: b, floor: a, mass: 1, stiffness: 1}]",
             "attachments on attachments are not supported; a link",
         ),
-        (
-            "attachments: [{floor: 1, mass: 1, stiffness: 1, inertance: 2}]",
-            "write the building as `matrices`",
-        ),
-        ("links: [{from: 1, to: 2, inertance: 2}]", "write the building as `matrices`"),
+        ("attachments: [{floor: 1, stiffness: 1, inertance: -2}]", "must be a positive number"),
         ("links: [{from: 1, to: 2}]", "give at least one of"),
         ("links: [{from: 2, to: 2, dashpot: 1}]", "`from` and `to` must be different"),
         ("links: [{from: tank, to: 2, dashpot: 1}]", "must be ground, a floor from 1, roof or"),

@@ -57,12 +57,13 @@ DEFAULT_METHOD = "impulse4"
 """Default method."""
 
 EXACT = "exact"
-"""Only method for models of matrices and flexural stories."""
+"""Only method for models of matrices and flexural stories, and default of models with inerters."""
 
 
 def method_of(model: Model, requested: str | None = None) -> str:
     """Return the method of a model: the requested method, that of its file, or the default."""
-    default = DEFAULT_METHOD if model.matrices is None else EXACT
+    is_chain = model.matrices is None and not model.has_inertance
+    default = DEFAULT_METHOD if is_chain else EXACT
     return requested or model.analysis.method or default
 
 

@@ -6,6 +6,7 @@ Spectra and the method `exact` use it (Nigam and Jennings 1969, Van Loan 1978).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,13 @@ def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Ar
     return np.moveaxis(coefficient_rows, (0, 1), (-2, -1))
 
 
-def van_loan(k: Array, c: Array, patterns: Array, h: float = 1.0) -> Array:
+def van_loan(
+    k: Array,
+    c: Array,
+    patterns: Array,
+    h: float = 1.0,
+    transition: Callable[[Array], Array] | None = None,
+) -> Array:
     """Return the exact step of u'' + c u' + k u = P p(t) over the time h, by Van Loan (1978): the
     matrix that maps (u0, v0, p0, p1) to (u1, v1).
 
@@ -95,9 +102,12 @@ def van_loan(k: Array, c: Array, patterns: Array, h: float = 1.0) -> Array:
         u' = h v,   v' = h (-k u - c v + P p),   p' = d,   d' = 0
 
     `patterns` is the distribution P of each load over the floors, divided by the masses.
+    `transition` approximates the exponential of the matrix of the system; default: exact.
     """
-    from scipy.linalg import expm
+    if transition is None:
+        from scipy.linalg import expm
 
+        transition = expm
     # u (n floors), v (n floors), p and d (loads each)
     n, loads = patterns.shape
     block = np.zeros((2 * n + 2 * loads, 2 * n + 2 * loads))
@@ -108,7 +118,7 @@ def van_loan(k: Array, c: Array, patterns: Array, h: float = 1.0) -> Array:
     block[2 * n : 2 * n + loads, 2 * n + loads :] = np.eye(loads)
     # With the columns P0 and D of the exponential for p0 and d, the response to the load is P0 p0 +
     # D (p1 - p0) = (P0 - D) p0 + D p1.
-    exponential = expm(block)[: 2 * n]
+    exponential = transition(block)[: 2 * n]
     by_increase = exponential[:, 2 * n + loads :]
     return np.hstack(
         [exponential[:, : 2 * n], exponential[:, 2 * n : 2 * n + loads] - by_increase, by_increase]

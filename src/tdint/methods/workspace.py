@@ -31,6 +31,8 @@ memory of its rows.
 # column.
 MOMENT, ROTATION, UNROTATED_DRIFT, SHEAR_DRIFT, BENDING_DRIFT = range(1, 6)
 BASE_ROTATION, BASE_DISPLACEMENT, TOTAL_BASE_MOMENT = range(6, 9)
+# Row of `Workspace.observer_state` in a building with inerters: peak forces of inerters, N
+INERTER_FORCE = 1
 
 
 @dataclass

@@ -35,7 +35,7 @@ from tdint.model.modes import (
     chain_deformations,
     solve_complex_modes,
 )
-from tdint.model.story import Story, column_name
+from tdint.model.story import Story, column_name, is_linear
 from tdint.model.story_laws import CODES, LAWS, Law
 from tdint.model.topology import GROUND, incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
@@ -155,7 +155,7 @@ class Building:
         """
         n = self.stories
         if self.system is not None:
-            return np.asarray(floors[..., :n] @ self.system.deformations.T)
+            return np.asarray(floors[..., : self.masses] @ self.system.deformations.T)
         link, base = self.linear_terms[[rows.LINK, rows.BASE], :-1]
         # Columns of the lower floors; any column for the ground.
         lower = base.astype(np.intp) if self.branched else np.arange(n) - 1
@@ -483,9 +483,7 @@ class Building:
         """Return the damping matrix with all linear dampers without a brace, N s/m, and the linear
         dampers with a brace; power-law dampers are omitted."""
         if self.system is not None:
-            return self.system.damping, Braces(
-                np.zeros((0, self.stories)), np.zeros(0), np.zeros(0)
-            )
+            return self.system.damping, Braces(np.zeros((0, self.masses)), np.zeros(0), np.zeros(0))
         terms = self.linear_terms[:, :-1]
         is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
         dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)
@@ -574,6 +572,23 @@ def assemble(model: Model) -> Building:
     """
     if model.matrices is not None:
         return _assemble_linear(model)
+    building = _assemble_springs(model)
+    if not model.has_inertance:
+        return building
+    # Imported here, because few models have inerters.
+    from tdint.model.linear_system import system_with_inerters
+
+    if labels := [label for label, spring in model.springs if not is_linear(spring)]:
+        raise ModelError(
+            f"{model.name}: inertance is for linear models, but {labels[0]} has a law, elements or "
+            "a damper that is not linear; omit it or the inertance"
+        )
+    system, vibration = system_with_inerters(model, building)
+    return replace(building, system=system, vibration=vibration)
+
+
+def _assemble_springs(model: Model) -> Building:
+    """Assemble the arrays of a building of springs, without its inerters."""
     stories, ends = springs_of(model)
     n, floors = len(stories), len(model.stories)
     if has_tangent_damping(model.damping):
@@ -584,7 +599,9 @@ def assemble(model: Model) -> Building:
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     masses = floors + len(model.attachments)  # links have no mass
     linear_terms[rows.MASS, :n] = [story.mass for story in stories]
-    linear_terms[rows.INVERSE_MASS, :masses] = 1.0 / linear_terms[rows.MASS, :masses]
+    # An inerter replaces the mass of an attachment.
+    has_mass = linear_terms[rows.MASS] > 0.0
+    linear_terms[rows.INVERSE_MASS, has_mass] = 1.0 / linear_terms[rows.MASS, has_mass]
     # DASHPOT contains only the dashpots of the model. STORY_DAMPER is the sum of all linear dampers
     # of a story: `add_damping` adds Rayleigh damping to STORY_DAMPER.
     # The force and the drift rate of an inclined dashpot are multiplied by its factor.
@@ -601,7 +618,7 @@ def assemble(model: Model) -> Building:
     for i in range(floors, n):
         own_law = stories[i].law
         end_masses = [stories[end].mass for end in ends[i] if end != GROUND]
-        mass = 1.0 / sum(1.0 / end_mass for end_mass in end_masses)
+        mass = 1.0 / sum(1.0 / end_mass if end_mass else math.inf for end_mass in end_masses)
         linear_terms[rows.TANGENT_DAMPING, i] = LAWS[own_law.name].tangent_damping(
             own_law.parameters, mass
         )

@@ -487,6 +487,11 @@ class Model:
             *((f"links[{item.name}]", item.spring) for item in self.links),
         )
 
+    @property
+    def has_inertance(self) -> bool:
+        """True if a story, an attachment or a link has an inerter."""
+        return any(spring.inertance for _, spring in self.springs)
+
     def end_name(self, end: int) -> str:
         """Return the name of an end of a link: ground, the number of a floor, or an attachment.
 

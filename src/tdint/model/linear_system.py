@@ -12,16 +12,21 @@ rotation; rotations, and the displacement of a base on a spring, have no mass an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
+from tdint.kernels.layout import STIFFNESS
 from tdint.model.damping import rayleigh
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.model.modes import Braces, FreeVibration, Modes
+from tdint.model.modes import Braces, FreeVibration, Modes, check_springs
 from tdint.model.story import column_name
+
+if TYPE_CHECKING:
+    from tdint.model.building import Building
 
 
 @dataclass(frozen=True)
@@ -96,15 +101,21 @@ class LinearSystem:
     deformations : ndarray, shape (n, n)
         Drifts for displacements; the identity for rows that are not floors.
     cuts : ndarray, shape (n, n)
-        Sums of the forces on the rows that give the story shears. For rows that are not floors:
-        the forces along the ground motion on a row and the rows after it; only the first is
+        Sums of the forces on the rows that give the total story shears. For rows that are not
+        floors: the forces along the ground motion on a row and the rows after it; only the first is
         reported.
+    spring_forces : ndarray, shape (n, n)
+        Restoring forces of the stories for displacements, N/m; for rows that are not floors as
+        `cuts`.
     names : tuple of str
         Names of rows that are not floors, in columns; empty for a building.
     flexure : Flexure | None
         Results of flexural stories.
     lag : Lag | None
         Deviation of rows without mass from the static positions; None if they follow statically.
+    inerters : ndarray, shape (springs, n)
+        Forces of the inerters of a building for accelerations of its rows, kg. Its stories,
+        attachments and links are the first axis of all matrices of drifts and forces of stories.
     """
 
     mass: Array
@@ -114,9 +125,11 @@ class LinearSystem:
     influence: Array
     deformations: Array
     cuts: Array
+    spring_forces: Array
     names: tuple[str, ...] = ()
     flexure: Flexure | None = None
     lag: Lag | None = None
+    inerters: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def modal_damping(self, modes: Modes, mode: int) -> float:
         """Return the modal damping phi^T C phi of a mode, 1/s, at its frequency: the elements of
@@ -159,6 +172,7 @@ class MatrixVibration(FreeVibration):
         """All modes, as many as rows with mass; rows without mass follow statically."""
         from scipy.linalg import eigh
 
+        check_springs(self.stiffness, self.geometric)
         n = len(self.mass)
         moving, following = np.flatnonzero(self.mass), np.flatnonzero(self.mass == 0.0)
         motion = np.zeros((n, moving.size))
@@ -234,7 +248,49 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
     names = tuple(map(column_name, model.rows))
     lag = _lag(vibration.modes, inertia, stiffness, damping) if len(matrices.damping) else None
     matrices_of_system = inertia, mass, stiffness, damping
-    system = LinearSystem(*matrices_of_system, influence, drifts, cuts, names, flexure, lag)
+    system = LinearSystem(
+        *matrices_of_system,
+        *(influence, drifts, cuts, cuts @ stiffness),
+        *(names, flexure, lag),
+    )
+    return system, vibration
+
+
+def system_with_inerters(model: Model, building: Building) -> tuple[LinearSystem, MatrixVibration]:
+    """Return the matrices of a linear building with the inerters of a model, and its vibration.
+
+    The inerter of a story or link acts on its deformation, that of an attachment on its motion
+    relative to the ground. Damping and loaded masses are those of the building without inerters.
+    """
+    count, rows_of_mass = building.masses, slice(building.floors, building.masses)
+    motions = building.deformations.copy()
+    motions[rows_of_mass] = np.eye(count)[rows_of_mass]
+    inertance = np.zeros(len(motions))
+    springs = [spring.inertance for _, spring in model.springs]
+    inertance[: len(springs)] = springs
+    mass = np.diag(building.mass)
+    inertia = mass + (motions.T * inertance) @ motions
+    # An attachment is above the stories below its floor.
+    floors = np.arange(building.floors)
+    supports = [*floors + 1, *(item.floor for item in model.attachments)]
+    cuts = (floors[:, None] < np.array(supports)).astype(float)
+    stiffness, influence = building.stiffness_matrix(), np.ones(count)
+    springs_of_laws = building.story_laws[STIFFNESS, :, None]
+    bare = building.vibration
+    vibration = MatrixVibration(
+        *(np.diagonal(inertia), bare.stiffness, bare.link, bare.geometric),
+        deformations=building.deformations,
+        roof=building.floors - 1,
+        mass_matrix=inertia,
+        loaded_mass=mass,
+        stiffness_matrix=stiffness,
+        influence=influence,
+    )
+    system = LinearSystem(
+        *(inertia, mass, stiffness, building.damping_matrix()),
+        *(influence, building.deformations, cuts, springs_of_laws * building.deformations),
+        inerters=inertance[:, None] * motions,
+    )
     return system, vibration
 
 

@@ -294,7 +294,7 @@ def solve_modes(
     ModelError
         A spring stiffness is not positive (P-delta exceeds the stiffness of a story).
     """
-    _check_springs(stiffness)
+    check_springs(stiffness)
     if deformations is None:
         deformations = chain_deformations(np.ones(mass.size))
     root_mass = np.sqrt(mass)
@@ -340,7 +340,7 @@ class FreeVibration:
     @cached_property
     def modes(self) -> Modes:
         """All modes; raises the errors of `solve_modes`."""
-        _check_springs(self.stiffness, self.geometric)
+        check_springs(self.stiffness, self.geometric)
         deformations = self.deformations
         if deformations is None:
             deformations = chain_deformations(self.link)
@@ -358,7 +358,7 @@ class FreeVibration:
         """
         if self.deformations is not None or self.mass.size <= _MAX_STORIES_OF_ALL_MODES:
             return float(self.modes.omega[number - 1])
-        _check_springs(self.stiffness, self.geometric)
+        check_springs(self.stiffness, self.geometric)
         return chain_frequency(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)
 
     @cached_property
@@ -375,7 +375,7 @@ class FreeVibration:
         """
         if self.deformations is not None:
             return float(self.modes.omega[0]), self.modes.shapes[:, 0]
-        _check_springs(self.stiffness, self.geometric)
+        check_springs(self.stiffness, self.geometric)
         if not self.stiffness.all():
             # The floors above a story without stiffness move as a rigid body.
             moves = np.cumsum(self.stiffness == 0.0) > 0.0
@@ -436,7 +436,7 @@ _TOLERANCE = float(np.finfo(float).tiny)
 """Absolute tolerance of the bisection, so small that the bisection continues to the last bit."""
 
 
-def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
+def check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     """Raise ModelError if P-delta makes the stiffness of a story zero or negative.
 
     `stiffness` contains the spring stiffnesses with P-delta, N/m. `geometric` is the p-delta part

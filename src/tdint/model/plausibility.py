@@ -763,11 +763,12 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
         name, spring = attachment.name, attachment.spring
         # A mass on the ground is a part of another building.
         floor = model.stories[attachment.floor - 1] if attachment.floor else spring
-        masses[name] = spring.mass / floor.mass
-        frequency = math.sqrt(spring.stiffness / spring.mass)
+        masses[name] = spring.mass / floor.mass if spring.mass else math.nan
+        inertia = spring.mass + spring.inertance
+        frequency = math.sqrt(spring.stiffness / inertia)
         if frequency > 0.0:
             periods[name] = 2.0 * math.pi / frequency
-            dampers[name] = spring.dashpot / (2.0 * spring.mass * frequency) or math.nan
+            dampers[name] = spring.dashpot / (2.0 * inertia * frequency) or math.nan
     count = len(model.stories)
     for link in model.links:
         first, last = sorted(link.ends)

@@ -40,6 +40,12 @@ class Element:
         return float(self.factor ** (force - length))
 
 
+def is_linear(story: Story) -> bool:
+    """Return True if a story has a single linear law and no damper of a power law or with a
+    brace."""
+    return story.law == LINEAR and not story.elements and story.power_dashpot is None
+
+
 MAX_STORIES = 100_000
 """Maximum number of stories. Without it, a typing error in `repeat` would fill the memory."""
 
@@ -115,6 +121,9 @@ class Story:
     flexural : tuple of float | None
         Bending stiffness EI, N m^2, and shear stiffness GA with the shape factor, N, of a story
         that bends; GA is infinite without shear deformation.
+    inertance : float
+        Inertance, kg: force of an inerter over the acceleration of the drift; of an attachment,
+        over its acceleration relative to the ground.
     """
 
     mass: float
@@ -129,6 +138,7 @@ class Story:
     damper_factor: float = 1.0
     p_delta: bool | None = None
     flexural: tuple[float, float] | None = None
+    inertance: float = 0.0
 
     @cached_property
     def springs(self) -> tuple[Element, ...]:

@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 from tdint.model.config.sections import ModelUnits
 from tdint.model.config.stories import (
     DASHPOT,
+    INERTANCE,
     LAW,
     read_dashpot,
+    read_inertance,
     read_mass,
     read_spring,
 )
@@ -37,11 +39,6 @@ from tdint.model.story_laws import LAWS, LINEAR, Law
 
 GROUND = "ground"
 _MASS_RATIO = Bounds(0.0, low_allowed=False, ratio=True)
-_INERTANCE = Key("inertance", POSITIVE, "not supported: see the message")
-_NO_INERTANCE = (
-    "inertance is for linear models: write the building as `matrices` with the matrix `inertance`, "
-    "see configs/README.md"
-)
 _ATTACHMENT = Keys(
     (
         Key("name", TextLine(), "name in tables; default: attachment_1, attachment_2, ..."),
@@ -59,9 +56,8 @@ _ATTACHMENT = Keys(
         Key("law", LAW, "hysteretic law of its spring; default: linear"),
         Key("dashpot", DASHPOT, "viscous damper between mass and floor: force over velocity"),
         Key("damping", RATIO, "damping ratio on a fixed floor, instead of `dashpot`"),
-        _INERTANCE,
-    ),
-    one_of=(("mass", "weight", "mass_ratio"),),
+        INERTANCE._replace(meaning="inerter between mass and ground; may replace the mass"),
+    )
 )
 ATTACHMENTS = EntriesOf(_ATTACHMENT, least=1)
 _END = Either((Integer(1, MAX_STORIES), TextLine()))
@@ -83,7 +79,7 @@ _LINK = Keys(
         Key("stiffness", NOT_NEGATIVE, "initial stiffness of a spring; default for a gap: 0"),
         Key("law", LAW, "hysteretic law of the spring; default: linear"),
         Key("dashpot", DASHPOT, "viscous damper: force over velocity"),
-        _INERTANCE,
+        INERTANCE,
     ),
 )
 LINKS = EntriesOf(_LINK, least=1)
@@ -178,6 +174,8 @@ def _read_attachment(
     if section.has("mass_ratio"):
         section.refuse(("mass", "weight"), "cannot be used with `mass_ratio`; give one of them")
         mass = section.number("mass_ratio") * floor_mass
+    elif section.has("inertance") and not section.mentions("mass", "weight"):
+        mass = 0.0
     else:
         mass = read_mass(section, unit)
     spring = _read_device(section, unit, has_spring=True, mass=mass)
@@ -186,7 +184,8 @@ def _read_attachment(
         if spring.stiffness == 0.0:
             section.value.fault("damping: needs the stiffness or the period of its spring")
         ratio = section.number("damping")
-        spring = replace(spring, dashpot=2.0 * ratio * math.sqrt(spring.stiffness * mass))
+        inertia = mass + spring.inertance
+        spring = replace(spring, dashpot=2.0 * ratio * math.sqrt(spring.stiffness * inertia))
     return Attachment(name, floor, spring)
 
 
@@ -194,12 +193,12 @@ def _read_device(
     section: Section, unit: ModelUnits, *, has_spring: bool, mass: float = 0.0
 ) -> Story:
     """Return the spring and the dashpot of a device, with an attached mass, kg."""
-    if inertance := section.get("inertance"):
-        inertance.fault(_NO_INERTANCE)
+    inertance = read_inertance(section, unit)
     stiffness, law = 0.0, LINEAR
     if has_spring:
-        is_optional = mass != 0.0 or section.has("law")
-        stiffness, law = read_spring(section, unit, mass=mass, is_optional=is_optional)
+        inertia = mass + inertance
+        is_optional = inertia != 0.0 or section.has("law")
+        stiffness, law = read_spring(section, unit, mass=inertia, is_optional=is_optional)
     dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
     return Story(
         mass=mass,
@@ -211,6 +210,7 @@ def _read_device(
         rayleigh=False,
         damper_factor=factor,
         p_delta=False,
+        inertance=inertance,
     )
 
 
@@ -221,7 +221,7 @@ def _read_link(
     ends = [_read_end(section, key, count, attachments) for key in ("from", "to")]
     has_spring = section.mentions("stiffness", "law")
     if not (has_spring or section.mentions("dashpot", "inertance")):
-        section.value.fault("give at least one of `stiffness`, `law` and `dashpot`")
+        section.value.fault("give at least one of `stiffness`, `law`, `dashpot` and `inertance`")
     spring = _read_device(section, unit, has_spring=has_spring)
     start, end = ends
     if start is None or end is None:

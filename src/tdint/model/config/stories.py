@@ -443,6 +443,7 @@ _DASHPOT = Keys(
     )
 )
 DASHPOT = Either((NOT_NEGATIVE, _DASHPOT))
+INERTANCE = Key("inertance", POSITIVE, "inerter: force over acceleration, a mass; linear models")
 _FLEXURAL = Keys(
     (
         Key("EI", POSITIVE, "bending stiffness, force length^2", needed=True),
@@ -485,13 +486,11 @@ _STORY = Keys(
             "false for a story without P-delta, which needs no height; default: `p_delta` of the "
             "model",
         ),
+        INERTANCE,
         Key("flexural", _FLEXURAL, "bending and shear stiffness, instead of `stiffness`"),
         Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
     ),
     one_of=(("mass", "weight"),),
-    other_names=(
-        ("inertance", "inerters are for linear models: write `matrices` with their `inertance`"),
-    ),
 )
 STORIES = EntriesOf(_STORY, least=1)
 _STIFFNESS_TOLERANCE = 1e-9
@@ -576,6 +575,7 @@ def _read_story(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
         elements,
         damper_factor,
         story_p_delta,
+        inertance=read_inertance(section, unit),
     )
 
 
@@ -588,6 +588,7 @@ _OF_SPRINGS = (
     "isolator",
     "rayleigh",
     "p_delta",
+    "inertance",
 )
 """Keys of stories that need a spring of the story."""
 
@@ -798,6 +799,14 @@ def read_mass(section: Section, unit: ModelUnits, bounds: Bounds = POSITIVE) -> 
             f"to `units` ({', '.join(MASS)}), or give the `weight` of the story"
         )
     return section.number("mass", bounds, scale=unit.mass, default=math.nan)
+
+
+def read_inertance(section: Section, unit: ModelUnits) -> float:
+    """Return the inertance of an entry, kg; 0 without the key."""
+    value = section.get("inertance")
+    if value and unit.mass_is_open:
+        value.fault("the unit of mass is required: add mass to `units`")
+    return value.number(scale=unit.mass) if value else 0.0
 
 
 def read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None, float]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.model.definition import Attachment, Link
 from tdint.output.tables.elements import FRACTURE
-from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows
+from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows, rows_of
 from tdint.response.runs.contacts import LinkContact
 from tdint.response.runs.elements import fracture_sides
 from tdint.response.runs.history import DeviceHistory, History
@@ -55,8 +55,17 @@ ENERGY = (
         "dissipated_energy", "energy dissipated by spring and dashpot since the start", "J"
     ),
 )
-ENERGY_ERROR = tuple(
-    column._replace(value="dissipated_energy_error") for column in error_columns(ENERGY)
+INERTER = (
+    Column(
+        "peak_inerter_force_N",
+        "N",
+        "inerter_force",
+        "maximum absolute force of the inerter; 0 without an inerter",
+    ),
+)
+ENERGY_ERROR, INERTER_ERROR = (
+    tuple(column._replace(value=f"{column.value}_error") for column in error_columns(columns))
+    for columns in (ENERGY, INERTER)
 )
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),
@@ -80,7 +89,7 @@ TABLES = (
 )
 """Columns of the tables of attachments and of links, and their additional columns with error
 estimates."""
-COLUMNS = (*chain.from_iterable(chain(*TABLES)), *CONTACT_COLUMNS)
+COLUMNS = (*chain.from_iterable(chain(*TABLES)), *INERTER, *INERTER_ERROR, *CONTACT_COLUMNS)
 """All columns of the tables of attachments, links and contacts."""
 
 _HISTORY = {quantity.name: quantity for quantity in quantities(History)}
@@ -151,6 +160,11 @@ def device_tables(response: Response) -> tuple[Table | None, Table | None]:
             columns = (*columns, *FRACTURE)
             fractures = _fracture_cells(devices)[part]
             table_rows = [(*row, *more) for row, more in zip(table_rows, fractures, strict=True)]
+        if devices.inerter_force is not None:
+            inerter_columns = (*INERTER, *(INERTER_ERROR if has_errors else ()))
+            columns = (*columns, *inerter_columns)
+            forces = rows_of(inerter_columns, devices)[part]
+            table_rows = [(*row, *more) for row, more in zip(table_rows, forces, strict=True)]
         results.append(Table.of(columns, table_rows) if table_rows else None)
     return results[0], results[1]
 
@@ -212,8 +226,9 @@ def device_sentences(response: Response, units: OutputUnits) -> list[str]:
             for name, values in (
                 ("spring", peaks.peak_shear),
                 ("damper", peaks.peak_damper_force),
+                ("inerter", devices.inerter_force),
             )
-            if values[i] > 0.0
+            if values is not None and values[i] > 0.0
         ]
         match item:
             case Attachment(name, floor):

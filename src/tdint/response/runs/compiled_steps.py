@@ -17,6 +17,7 @@ from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
 from tdint.methods.catalogue import EXACT, catalogue, parse
+from tdint.methods.linear_step import step_coefficients
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.system import cache_subfolder
@@ -125,7 +126,11 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 
     Some methods do not support nonlinear stories, power-law dashpots or braces of dampers.
     """
-    if building.system is not None and integrator.method.name != EXACT:
+    if building.system is not None and len(building.system.inerters):
+        if integrator.method.name != EXACT and step_coefficients(integrator) is None:
+            others = _methods(lambda other: step_coefficients(other) is not None)
+            return f"{integrator.label} does not support inertance; use one of {EXACT}, {others}"
+    elif building.system is not None and integrator.method.name != EXACT:
         return (
             f"{integrator.label} does not support models of matrices and flexural stories; use "
             f"{EXACT}"

@@ -259,7 +259,7 @@ def default_reference_method(case: Case) -> Integrator:
     This method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
     forces on floors. The errors of `exact` are then the errors of the peaks between time steps.
     """
-    is_own_reference = case.model.matrices is not None or (
+    is_own_reference = case.building.system is not None or (
         case.method.label == EXACT and not case.model.excitation.forces
     )
     return parse(EXACT) if is_own_reference else REFERENCE
@@ -340,14 +340,13 @@ def with_error_estimate(
         count = len(response.model.stories)
         device_errors = columns(errors, slice(count, None))
         errors = columns(errors, slice(count))
-        energy = response.devices.dissipated_energy
-        energy_error = _extrapolated(
-            energy, other.devices.dissipated_energy, np.abs(energy), factors(case.method)
-        )
-        devices = response.devices._replace(
-            errors=device_errors,
-            dissipated_energy_error=energy_error,
-        )
+        more: dict[str, Any] = {}
+        for name in ("dissipated_energy", "inerter_force"):
+            own, finer_value = getattr(response.devices, name), getattr(other.devices, name)
+            if own is not None:
+                error = _extrapolated(own, finer_value, np.abs(own), factors(case.method))
+                more[f"{name}_error"] = error
+        devices = response.devices._replace(errors=device_errors, **more)
         response = replace(response, devices=devices)
     errors = with_growth(errors, response.stories, growth) if growth else errors
     if response.flexure is not None and other.flexure is not None:

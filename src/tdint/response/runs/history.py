@@ -294,7 +294,7 @@ def _total_shear(building: Building, loads: Loads, time: Array, table: Array) ->
     acceleration = _absolute_acceleration(building, loads, time, table)
     system = building.system
     if system is not None:
-        floor_forces = -acceleration @ system.loaded_mass
+        floor_forces = -acceleration[:, : building.masses] @ system.loaded_mass
     else:
         floor_forces = -building.linear_terms[rows.MASS, :-1] * acceleration
     add_force_history(*loads, time, floor_forces)

@@ -1,29 +1,33 @@
-"""Exact response of models of matrices, in place of the compiled time loop.
+"""Response of models of matrices and inerters, in place of the compiled time loop.
 
 The load is linear within each interval, which is a sampling interval of the ground motion or a time
 step (the shorter of the two). The modes are therefore integrated exactly (`tdint.methods.exact`)
 with any time step. Between the intervals, the response is computed on a grid that resolves the
 highest mode, and around each maximum of the grid by a polynomial with the derivatives at both
 endpoints of an interval, which the modes determine. The peaks are therefore the peaks of the
-continuous response.
+continuous response. Models of inerters can also be integrated by the steps of
+`tdint.methods.linear_step`, whose time step must not exceed the sampling interval.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
-from tdint.errors import ModelError
+from tdint.errors import AnalysisError, ModelError
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import RUNAWAY
 from tdint.methods.exact_step import oscillator, van_loan
+from tdint.methods.linear_step import Coefficients, transition
 from tdint.methods.workspace import (
     BASE_DISPLACEMENT,
     BASE_ROTATION,
     BENDING_DRIFT,
+    INERTER_FORCE,
     MOMENT,
     ROTATION,
     SHEAR_DRIFT,
@@ -70,6 +74,8 @@ class _Transition:
         Modal stiffness matrix, 1/s^2, and damping matrix, 1/s, if the damping couples the modes.
     patterns : ndarray, shape (modes, loads)
         Modal loads per unit of each load.
+    coefficients : tuple of float, optional
+        Coefficients of the step of a method; default: the exact step.
     """
 
     def __init__(
@@ -79,12 +85,14 @@ class _Transition:
         matrices: tuple[Array, Array],
         patterns: Array,
         duration: float,
+        coefficients: Coefficients | None = None,
     ) -> None:
         h = duration
         self.patterns = patterns
-        self.is_coupled = ratios is None
-        if ratios is None:
-            self.matrix = van_loan(*matrices, patterns, h)
+        self.is_coupled = ratios is None or coefficients is not None
+        if ratios is None or coefficients is not None:
+            step = partial(transition, coefficients=coefficients) if coefficients else None
+            self.matrix = van_loan(*matrices, patterns, h, step)
             return
         # Columns of u0, h v0, h^2 p0 and h^2 p1, rows of u1 and h v1
         steps = oscillator(omega * h, ratios) * np.array([1.0, h, h * h, h * h])
@@ -153,6 +161,8 @@ class LinearLoop:
         Forces on floors and points of their tables (`load_arrays`).
     ground : ndarray
         Ground acceleration at the samples, m/s^2.
+    coefficients : tuple of float, optional
+        Coefficients of the step of a method; default: the exact step.
     """
 
     def __init__(
@@ -162,10 +172,12 @@ class LinearLoop:
         h: float,
         ground: Array,
         space: Workspace,
+        coefficients: Coefficients | None = None,
     ) -> None:
         assert building.system is not None
         self.building, self.system, self.space = building, building.system, space
         self.h, self.ground, self.loads = h, ground, loads
+        self.coefficients = coefficients
         # The array of the workspace when the loop is made, as for a compiled loop
         self.history = space.history
         modes = building.modes()
@@ -174,7 +186,7 @@ class LinearLoop:
         self.damping = modes.modal_damping(self.system.damping)
         self.ratios = modes.damping_ratios(self.system.damping)
         self.floors = np.unique(loads[0][:, rows.FLOOR].astype(int))
-        n = building.stories
+        n = building.masses
         for floor in self.floors[np.diagonal(self.system.mass)[self.floors] == 0.0]:
             name = self.system.names[floor] if self.system.names else f"floor {floor + 1}"
             raise ModelError(
@@ -191,6 +203,7 @@ class LinearLoop:
         self.lag = self.system.lag
         if self.lag is not None:
             self._append_lag(self.lag)
+        self.dashpots = building.linear_terms[rows.DASHPOT, :-1]
         self.outputs = self._outputs()
 
     def _append_lag(self, lag: Lag) -> None:
@@ -216,7 +229,7 @@ class LinearLoop:
     def _modal_state(self, is_first: bool) -> Array:
         """Return the modal displacements and velocities of the state of the run, shape (2, modes);
         at the start of the run, rows without mass have their static positions."""
-        floors = self.space.state[: rows.VELOCITY + 1, :-1]
+        floors = self.space.state[: rows.VELOCITY + 1, : self.building.masses]
         if self.lag is None:
             return np.asarray(floors @ self.system.mass @ self.shapes)
         modes = self.omega.size - self.lag.rates.size
@@ -230,11 +243,19 @@ class LinearLoop:
 
     def __call__(self, steps: Steps, first: int, last: int) -> int:
         interval = self.h / steps.stride
+        if self.coefficients and steps.stride > 1:
+            raise AnalysisError(
+                f"a model with inertance needs a time step of at most the sampling interval, "
+                f"{interval:.6g} s, with this method; use a shorter time step, or exact"
+            )
         parts = min(max(1, int(np.ceil(self.highest * interval / _RESOLVED))), _MOST_PARTS)
+        if self.coefficients:
+            parts = 1
         durations = (interval, interval / parts) if parts > 1 else (interval,)
         transitions = [
             _Transition(
-                self.omega, self.ratios, (self.stiffness, self.damping), self.driving, duration
+                *(self.omega, self.ratios, (self.stiffness, self.damping), self.driving),
+                *(duration, self.coefficients),
             )
             for duration in durations
         ]
@@ -267,7 +288,7 @@ class LinearLoop:
             positions / steps.per_sample, np.arange(samples.size), samples, right=0.0
         )
         if self.floors.size:
-            forces = np.zeros((count + 1, self.building.stories))
+            forces = np.zeros((count + 1, self.building.masses))
             add_force_history(*self.loads, time, forces)
             loads[:, 1:] = forces[:, self.floors]
         state = self._modal_state(start == 0)
@@ -295,20 +316,27 @@ class LinearLoop:
     def _outputs(self) -> list[_Output]:
         """Return the quantities whose peaks the run reports."""
         system, peaks, shapes = self.system, self.space.peaks, self.shapes
-        n, loads = self.building.stories, self.applied.shape[1]
-        none, ground = np.zeros((n, loads)), np.zeros((n, loads))
+        n, loads = self.building.masses, self.applied.shape[1]
+        none, ground = np.zeros((self.building.stories, loads)), np.zeros((n, loads))
         ground[:, 0] = system.influence
-        inertia = -system.cuts @ system.loaded_mass
+        inertia, drifts = -system.cuts @ system.loaded_mass, system.deformations @ shapes
+        total_shear = peaks[rows.PEAK_TOTAL_SHEAR, : len(inertia)]
         outputs = [
-            _Output(peaks[rows.PEAK_DRIFT], 0, system.deformations @ shapes, none),
-            _Output(peaks[rows.PEAK_SHEAR], 0, system.cuts @ system.stiffness @ shapes, none),
-            _Output(peaks[rows.PEAK_DISPLACEMENT], 0, shapes, none),
-            _Output(peaks[rows.PEAK_VELOCITY], 1, shapes, none),
-            _Output(peaks[rows.PEAK_ACCELERATION], 2, shapes, ground),
+            _Output(peaks[rows.PEAK_DRIFT], 0, drifts, none),
+            _Output(peaks[rows.PEAK_SHEAR], 0, system.spring_forces @ shapes, none),
+            _Output(peaks[rows.PEAK_DISPLACEMENT, :n], 0, shapes, none[:n]),
+            _Output(peaks[rows.PEAK_VELOCITY, :n], 1, shapes, none[:n]),
+            _Output(peaks[rows.PEAK_ACCELERATION, :n], 2, shapes, ground),
             # `applied` contains the inertia due to the ground acceleration.
-            _Output(peaks[rows.PEAK_TOTAL_SHEAR], 2, inertia @ shapes, system.cuts @ self.applied),
+            _Output(total_shear, 2, inertia @ shapes, system.cuts @ self.applied),
         ]
         flexure, observed = system.flexure, self.space.observer_state
+        if np.any(self.dashpots):
+            damped = np.where(self.dashpots[:, None] != 0.0, drifts, 0.0)
+            outputs.append(_Output(peaks[rows.PEAK_DRIFT_RATE], 1, damped, none))
+        if len(system.inerters):
+            forces = observed[INERTER_FORCE, :-1]
+            outputs.append(_Output(forces, 2, system.inerters @ shapes, none))
         if flexure is None:
             return outputs
         for row, matrix in (
@@ -335,7 +363,7 @@ class LinearLoop:
 
     def _store(self, grid: _Grid, interval: float, per_step: int, span: tuple[int, int]) -> None:
         """Store state, energies, collapse and history of the steps of `span`."""
-        space, n = self.space, self.building.stories
+        space, n, count = self.space, self.building.masses, self.building.stories
         start, end = span
         if start == 0:
             displacement, velocity = grid.states[0]
@@ -358,10 +386,10 @@ class LinearLoop:
         space.state[rows.DISPLACEMENT, :n], space.state[rows.VELOCITY, :n] = displacement, velocity
         space.observer_state[rows.OBSERVED_ACCELERATION, :n] = acceleration
         # The force that only this drift would need, as in `assemble`
-        stiffness = self.building.initial_stiffness
-        space.law_state[rows.DRIFT, :n] = drift
-        space.law_state[rows.FORCE, :n] = stiffness * drift
-        space.law_state[rows.SLOPE, :n] = stiffness
+        stiffness = self.building.story_laws[rows.STIFFNESS]
+        space.law_state[rows.DRIFT, :count] = drift
+        space.law_state[rows.FORCE, :count] = stiffness * drift
+        space.law_state[rows.SLOPE, :count] = stiffness
         if len(self.history):
             numbers = np.arange(start, end + 1)
             kept = (numbers % space.steps_per_row == 0) & ((numbers > start) | (start == 0))
@@ -370,13 +398,14 @@ class LinearLoop:
                 grid.derivative(order)[points] @ self.shapes.T for order in range(3)
             )
             ground = grid.loads[points, :1]
+            of_links = np.zeros((len(points), count - n))  # links have no mass
             table = np.hstack(
                 [
                     ground,
-                    displacement,
-                    velocity,
-                    acceleration + ground * self.system.influence,
-                    displacement @ (self.system.cuts @ self.system.stiffness).T,
+                    *(displacement, of_links),
+                    *(velocity, of_links),
+                    *(acceleration + ground * self.system.influence, of_links),
+                    displacement @ self.system.spring_forces.T,
                     energies[kept],
                 ]
             )
@@ -389,6 +418,7 @@ class LinearLoop:
         The powers are integrated by the trapezoidal rule with their rates at the endpoints.
         """
         displacement, velocity = grid.states[:, 0], grid.states[:, 1]
+        drifts = self.system.deformations @ self.shapes
         loads, acceleration = grid.loads, grid.accelerations
         result = np.zeros((len(loads), rows.ENERGY_TERMS))
         result[0] = self.space.totals[: rows.ENERGY_TERMS]
@@ -403,6 +433,13 @@ class LinearLoop:
         inertia, moving = self.is_moving * acceleration, self.is_moving * velocity
         force = loads @ self.patterns.T - inertia - self.omega**2 * displacement
         lost = _integral(_dots(velocity, force), 2.0 * _dots(acceleration, force), interval)
+        if np.any(self.dashpots):
+            rate, change = (order @ drifts.T for order in (velocity, acceleration))
+            spent = _integral(rate**2, 2.0 * rate * change, interval) * self.dashpots
+            self.space.observer_state[rows.DASHPOT_WORK, :-1] += spent.sum(axis=0)
+            spent = spent.sum(axis=1)
+            lost -= spent
+            result[1:, rows.ENERGY_DASHPOTS] = result[0, rows.ENERGY_DASHPOTS] + np.cumsum(spent)
         result[1:, rows.ENERGY_VISCOUS] = result[0, rows.ENERGY_VISCOUS] + np.cumsum(lost)
         result[:, rows.ENERGY_KINETIC] = 0.5 * _dots(velocity, moving)
         stretched = self.omega * displacement

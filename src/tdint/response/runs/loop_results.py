@@ -11,7 +11,7 @@ import numpy as np
 
 from tdint.arrays import Array, each_array
 from tdint.kernels import layout as rows
-from tdint.methods.workspace import Workspace
+from tdint.methods.workspace import INERTER_FORCE, Workspace
 from tdint.model.building import Building
 from tdint.response.runs.energy import ENERGY_TERMS, Energy
 from tdint.response.runs.outcome import (
@@ -52,6 +52,9 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     peaks = device_columns(building, all_peaks(building, space))
     bounds = interstep_peak_errors(building, space, late, building.device_columns)
     result = DevicePeaks(peaks, device_energy(building, space), bounds)
+    if building.system is not None:
+        forces = space.observer_state[INERTER_FORCE, building.device_columns]
+        return result._replace(inerter_force=forces.copy())
     times, drifts = space.law_state[
         [rows.FRACTURE_TIME, rows.FRACTURE_DRIFT], building.device_columns
     ]

@@ -361,6 +361,8 @@ class DevicePeaks(NamedTuple):
     fracture_time, fracture_drift : ndarray | None
         Times (s; nan without a fracture) and peak deformations up to it with the sign of its side
         (m; 0 without); None if no spring has fractured. Ductilities end at the fracture.
+    inerter_force, inerter_force_error : ndarray | None
+        Maximum absolute forces of inerters and their estimated errors, N; None without inerters.
     """
 
     stories: StoryPeaks
@@ -370,6 +372,8 @@ class DevicePeaks(NamedTuple):
     dissipated_energy_error: Array | None = None
     fracture_time: Array | None = None
     fracture_drift: Array | None = None
+    inerter_force: Array | None = None
+    inerter_force_error: Array | None = None
 
     def demands(self, attachments: int) -> dict[str, Array]:
         """Return the demands of one run that limits apply to (`tdint.model.limits`), shape

@@ -669,9 +669,10 @@ class PreparedBuilding:
         building = self.building
         if building.system is not None:
             # Imported here, because few models have matrices.
+            from tdint.methods.linear_step import step_coefficients
             from tdint.response.runs.linear_loop import LinearLoop
 
-            return LinearLoop(building, self.loads, h, ground, space)
+            return LinearLoop(building, self.loads, h, ground, space, step_coefficients(integrator))
         fixed = (
             space.steps_per_row,
             space.rows_before,

@@ -141,10 +141,12 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
     acceleration[~is_rigid] = demand.at(period[~is_rigid])
     # The arrays of modal peaks have one row for each mode and one column for each story.
-    factor = modes.mass @ modes.shapes  # modal participation factors
     system = building.system
+    # Modal participation factors: inerters are not loaded by the ground motion.
+    factor = (modes.mass if modes.load is None else modes.load) @ modes.shapes
+    inertia = modes.mass[:, None] * modes.shapes if system is None else system.mass @ modes.shapes
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
-    forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
+    forces = (inertia * (factor * acceleration)).T
     # A shear is the sum of the forces above, from the roof down.
     peaks = {
         "drift": building.drifts(displacement),

@@ -131,15 +131,18 @@ def digest_of(model: Model, method: str) -> str:
     # Remove everything that does not change the response, such as names and units of the output.
     # The ground motion of the model is not used in a campaign.
     unexcited = replace(model, excitation=Excitation(None, model.excitation.forces))
-    # The ratio of a fracture drift only determines variations of the model.
+    # The ratio of a fracture drift only determines variations of the model. Stores of earlier
+    # versions contain digests without inertance and initial attachments.
     content = asdict(
         unexcited,
-        dict_factory=lambda items: {k: value for k, value in items if k != "fracture_ratio"},
+        dict_factory=lambda items: {
+            key: value
+            for key, value in items
+            if key != "fracture_ratio" and (key != "inertance" or np.any(value))
+        },
     )
-    # Stores of earlier versions contain digests without these items.
-    for part, later in (("matrices", "inertance"), ("initial", "attachments")):
-        if content[part] is not None and not len(content[part][later]):
-            del content[part][later]
+    if not content["initial"]["attachments"]:
+        del content["initial"]["attachments"]
     for name in (
         "name",
         "source",
