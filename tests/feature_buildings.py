@@ -55,20 +55,36 @@ def _fracture(model):
 
 def _attachments(model):
     """Add two masses, one of which yields, to the first floor."""
-    model["attachments"] = [
+    model.setdefault("attachments", []).extend([
         {"name": "tank", "floor": 1, "mass": 0.05 * MASS, "stiffness": 0.05 * STIFFNESS,
          "dashpot": 1e4},
         {"name": "shelf", "floor": 1, "mass": 0.02 * MASS, "stiffness": 0.02 * STIFFNESS,
          "law": {"type": "bilinear", "yield_force": 0.02 * STRENGTH, "hardening": 0.1}},
-    ]  # fmt: skip
+    ])  # fmt: skip
 
 
 def _links(model):
     """Link the ground and the second floor by a yielding cable and a dashpot."""
-    model["links"] = [
+    model.setdefault("links", []).extend([
         {"name": "cable", "from": "ground", "to": 2, "stiffness": 0.2 * STIFFNESS, "dashpot": 2e5,
          "law": {"type": "bilinear", "yield_force": 0.3 * STRENGTH, "hardening": 0.1}},
-    ]  # fmt: skip
+    ])  # fmt: skip
+
+
+def _contact(model):
+    """Add a second building of two masses, which only links hold, and a contact with it."""
+    model.setdefault("attachments", []).extend(
+        {"name": name, "floor": "ground", "mass": 0.6 * MASS, "stiffness": 0}
+        for name in ("lower", "upper")
+    )
+    model.setdefault("links", []).extend([
+        {"name": "story-1", "from": "ground", "to": "lower", "stiffness": 0.5 * STIFFNESS,
+         "dashpot": 1e5},
+        {"name": "story-2", "from": "lower", "to": "upper", "stiffness": 0.3 * STIFFNESS},
+        {"name": "contact", "from": 2, "to": "upper",
+         "law": {"type": "gap", "gap": 0.5 * YIELD_DRIFT, "stop_stiffness": STIFFNESS,
+                 "dashpot": 2e5}},
+    ])  # fmt: skip
 
 
 def _loads(*forces):
@@ -101,6 +117,7 @@ FEATURES = {
     "elements": _elements,
     "attachments": _attachments,
     "links": _links,
+    "contact": _contact,
     "p-delta": lambda model: model.update(p_delta=True),
     "fracture": _fracture,
 }

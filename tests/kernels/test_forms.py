@@ -126,9 +126,9 @@ def compare_forms(model, method):
 
 def methods_of(features):
     """Return the methods that support the features: only two methods have attachments or links
-    together with dampers with a brace or tangent damping."""
-    is_tree = {"attachments", "links"} & {*features}
-    is_braced = {"brace", "power-brace", "relief", "tangent"} & {*features}
+    together with dampers with a brace or tangent damping. A contact is a link with both."""
+    is_tree = {"attachments", "links", "contact"} & {*features}
+    is_braced = {"brace", "power-brace", "relief", "tangent", "contact"} & {*features}
     return METHODS[:2] if is_tree and is_braced else METHODS
 
 

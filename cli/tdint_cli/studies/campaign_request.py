@@ -33,7 +33,7 @@ class CampaignRequest(SuiteRequest):
         type=click.IntRange(1),
         metavar="N",
         recorded=False,
-        help="Stop after about N runs; the same call continues the campaign.",
+        help="Stop after N runs; the same call continues the campaign.",
     )
     dask: str | None = options.option(
         metavar="ADDRESS",

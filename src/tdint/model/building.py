@@ -575,15 +575,52 @@ def assemble(model: Model) -> Building:
     building = _assemble_springs(model)
     if not model.has_inertance:
         return building
-    # Imported here, because few models have inerters.
-    from tdint.model.linear_system import system_with_inerters
-
     if labels := [label for label, spring in model.springs if not is_linear(spring)]:
         raise ModelError(
             f"{model.name}: inertance is for linear models, but {labels[0]} has a law, elements or "
             "a damper that is not linear; omit it or the inertance"
         )
-    system, vibration = system_with_inerters(model, building)
+    return _with_inerters(building, model)
+
+
+def _with_inerters(building: Building, model: Model) -> Building:
+    """Return a linear building with the matrices of the inerters of a model.
+
+    The inerter of a story or link acts on its deformation, that of an attachment on its motion
+    relative to the ground. Damping and loaded masses are those of the building without inerters.
+    """
+    # Imported here, because few models have inerters.
+    from tdint.model.linear_system import LinearSystem, MatrixVibration
+
+    count, rows_of_mass = building.masses, slice(building.floors, building.masses)
+    motions = building.deformations.copy()
+    motions[rows_of_mass] = np.eye(count)[rows_of_mass]
+    inertance = np.zeros(len(motions))
+    springs = [spring.inertance for _, spring in model.springs]
+    inertance[: len(springs)] = springs
+    mass = np.diag(building.mass)
+    inertia = mass + (motions.T * inertance) @ motions
+    # An attachment is above the stories below its floor.
+    floors = np.arange(building.floors)
+    supports = [*floors + 1, *(item.floor for item in model.attachments)]
+    cuts = (floors[:, None] < np.array(supports)).astype(float)
+    stiffness, influence = building.stiffness_matrix(), np.ones(count)
+    springs_of_laws = building.story_laws[rows.STIFFNESS, :, None]
+    bare = building.vibration
+    vibration = MatrixVibration(
+        *(np.diagonal(inertia), bare.stiffness, bare.link, bare.geometric),
+        deformations=building.deformations,
+        roof=building.floors - 1,
+        mass_matrix=inertia,
+        loaded_mass=mass,
+        stiffness_matrix=stiffness,
+        influence=influence,
+    )
+    system = LinearSystem(
+        *(inertia, mass, stiffness, building.damping_matrix()),
+        *(influence, building.deformations, cuts, springs_of_laws * building.deformations),
+        inerters=inertance[:, None] * motions,
+    )
     return replace(building, system=system, vibration=vibration)
 
 

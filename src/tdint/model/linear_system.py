@@ -13,20 +13,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
-from tdint.kernels.layout import STIFFNESS
 from tdint.model.damping import rayleigh
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import Braces, FreeVibration, Modes, check_springs
 from tdint.model.story import column_name
-
-if TYPE_CHECKING:
-    from tdint.model.building import Building
 
 
 @dataclass(frozen=True)
@@ -252,44 +247,6 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         *matrices_of_system,
         *(influence, drifts, cuts, cuts @ stiffness),
         *(names, flexure, lag),
-    )
-    return system, vibration
-
-
-def system_with_inerters(model: Model, building: Building) -> tuple[LinearSystem, MatrixVibration]:
-    """Return the matrices of a linear building with the inerters of a model, and its vibration.
-
-    The inerter of a story or link acts on its deformation, that of an attachment on its motion
-    relative to the ground. Damping and loaded masses are those of the building without inerters.
-    """
-    count, rows_of_mass = building.masses, slice(building.floors, building.masses)
-    motions = building.deformations.copy()
-    motions[rows_of_mass] = np.eye(count)[rows_of_mass]
-    inertance = np.zeros(len(motions))
-    springs = [spring.inertance for _, spring in model.springs]
-    inertance[: len(springs)] = springs
-    mass = np.diag(building.mass)
-    inertia = mass + (motions.T * inertance) @ motions
-    # An attachment is above the stories below its floor.
-    floors = np.arange(building.floors)
-    supports = [*floors + 1, *(item.floor for item in model.attachments)]
-    cuts = (floors[:, None] < np.array(supports)).astype(float)
-    stiffness, influence = building.stiffness_matrix(), np.ones(count)
-    springs_of_laws = building.story_laws[STIFFNESS, :, None]
-    bare = building.vibration
-    vibration = MatrixVibration(
-        *(np.diagonal(inertia), bare.stiffness, bare.link, bare.geometric),
-        deformations=building.deformations,
-        roof=building.floors - 1,
-        mass_matrix=inertia,
-        loaded_mass=mass,
-        stiffness_matrix=stiffness,
-        influence=influence,
-    )
-    system = LinearSystem(
-        *(inertia, mass, stiffness, building.damping_matrix()),
-        *(influence, building.deformations, cuts, springs_of_laws * building.deformations),
-        inerters=inertance[:, None] * motions,
     )
     return system, vibration
 

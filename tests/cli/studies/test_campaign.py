@@ -221,7 +221,7 @@ def test_an_interrupted_campaign_continues(study: Path, tdint: Command) -> None:
     """An interrupted campaign continues. All commands that use its runs report the missing runs."""
     first = tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)
     done = len(rows("part/runs.csv"))
-    assert 4 <= done < RUNS
+    assert done == 4
     message, commands = (
         f"{done} of {RUNS} runs are done",
         (["campaign", "export"], ["fragility"], ["sensitivity"]),
@@ -238,6 +238,30 @@ def test_an_interrupted_campaign_continues(study: Path, tdint: Command) -> None:
     assert Path("part/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
     again = tdint("campaign", "study.yaml", "-o", "part", code=0)
     assert re.search(rf"\bruns \({RUNS}\) .*nothing", again.stderr)
+
+
+def test_a_limit_of_runs_is_exact_within_a_chunk(study: Path, tdint: Command) -> None:
+    """The next call continues in the chunk. A merge copies complete chunks only, also into the
+    directory with a part of a chunk."""
+    for limit, total in ((1, 1), (2, 3), (1, 4)):
+        tdint("campaign", "study.yaml", "-o", "part", "--max-runs", f"{limit}", code=0)
+        assert len(rows("part/runs.csv")) == total
+    tdint("campaign", "merge", "out", "part", "-o", "merged", code=0)
+    tdint("campaign", "merge", "part", "out", "-o", "part", code=0)
+    for folder in ("merged", "part"):
+        assert Path(folder, "runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
+        again = tdint("campaign", "study.yaml", "-o", folder, code=0)
+        assert re.search(rf"\bruns \({RUNS}\) .*nothing", again.stderr)
+    # A part of a chunk that was edited is run again.
+    tdint("campaign", "study.yaml", "-o", "edited", "--max-runs", "1", code=0)
+    with sqlite3.connect("edited/campaign.sqlite") as store:
+        (number,) = store.execute("SELECT id FROM chunks").fetchone()
+        assert number < 0
+        store.execute("UPDATE chunks SET seconds = 7")
+    store.close()
+    message = "1 chunks of runs are corrupt or incomplete"
+    assert message in tdint("campaign", "study.yaml", "-o", "edited", code=0).stderr
+    assert Path("edited/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
 
 
 def test_a_directory_contains_only_one_campaign(study: Path, tdint: Command) -> None:

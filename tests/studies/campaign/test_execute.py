@@ -31,13 +31,19 @@ class Kept:
     def record_time_loops(self, kind: str) -> None:
         """Ignore the kind of the time loops, because no test writes a summary."""
 
-    def add(self, done: SimpleNamespace) -> None:
+    def started_chunks(self) -> dict[int, object]:
+        return {}
+
+    def add(self, done: SimpleNamespace, *, is_part: bool, replaces_part: bool) -> None:
+        assert not replaces_part
+        assert is_part == (len(done.rows.runs) < size(done.number))
         self.added.append(done.number)
 
 
 def engine(plan: SimpleNamespace, numbers: Sequence[int]) -> Iterator[SimpleNamespace]:
     for number in numbers:
-        yield SimpleNamespace(number=number, rows=SimpleNamespace(runs=[None] * size(number)))
+        count = plan.most.get(number, size(number))
+        yield SimpleNamespace(number=number, rows=SimpleNamespace(runs=[None] * count))
 
 
 @pytest.fixture(autouse=True)
@@ -59,10 +65,12 @@ def test_remaining_chunks_are_executed_in_order(
     for number in shard_chunks:
         if number not in ready and (max_runs is None or sum(map(size, requested)) < max_runs):
             requested.append(number)
+    total = sum(map(size, requested))
+    total = total if max_runs is None else min(total, max_runs)
     before = sum(size(number) for number in shard_chunks if number in ready)
     store, reported = Kept(*ready), list[Advance]()
     last = execute_plan(
-        SimpleNamespace(chunks=CHUNKS, size=size, kept={}),
+        SimpleNamespace(chunks=CHUNKS, size=size, kept={}, most={}),
         store,
         engine,
         shard=shard,
@@ -71,10 +79,10 @@ def test_remaining_chunks_are_executed_in_order(
     )
     assert store.added == requested
     assert [advance.done for advance in reported] == [
-        before + sum(map(size, requested[: i + 1])) for i in range(len(requested))
+        before + min(sum(map(size, requested[: i + 1])), total) for i in range(len(requested))
     ]
     for advance in (*reported, last):
-        assert (advance.runs, advance.before) == (before + sum(map(size, requested)), before)
+        assert (advance.runs, advance.before) == (before + total, before)
         assert 0.0 <= advance.seconds < 60.0
     assert last.done == last.runs
 

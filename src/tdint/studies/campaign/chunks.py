@@ -152,6 +152,10 @@ class BuildingRuns(NamedTuple):
             runs=tuple(run for run, _ in kept), places=tuple(place for _, place in kept)
         )
 
+    def first(self, count: int) -> Self:
+        """Return the first runs, at most `count`."""
+        return self._replace(runs=self.runs[:count], places=self.places[:count])
+
 
 class RunRow(NamedTuple):
     """Results of one run, as a row of the table of runs.

@@ -10,7 +10,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, cast
@@ -122,7 +122,7 @@ def execute_plan(
     shard : Shard, optional
         Shard to run; by default the complete campaign.
     max_runs : int, optional
-        Stop after the chunk that reaches this number of additional runs.
+        Maximum number of additional runs.
     on_chunk : callable
         Called with the progress after each completed chunk.
 
@@ -136,13 +136,23 @@ def execute_plan(
     # Chunks that were stored by a previous call count as completed.
     chunks = range(plan.chunks) if shard is None else shard.chunks(plan)
     missing = sorted(set(chunks) - store.completed_chunks())
-    runs_before = sum(map(plan.size, chunks)) - sum(map(plan.size, missing))
-    # Include the chunk that reaches the limit, because incomplete chunks are never stored.
+    # A part of a chunk contains the results that `reuse_results` kept.
+    parts = {number: part for number, part in store.started_chunks().items() if number in missing}
+    plan.kept.update((number, rows) for number, (rows, _) in parts.items())
+    left = {
+        number: plan.size(number) - len(plan.kept[number].runs if number in plan.kept else ())
+        for number in missing
+    }
+    runs_before = sum(map(plan.size, chunks)) - sum(left.values())
     if max_runs is not None:
-        cumulative_runs = list(accumulate(map(plan.size, missing)))
-        chunks_below_limit = sum(total < max_runs for total in cumulative_runs)
-        missing = missing[: chunks_below_limit + 1]
-    runs_after = runs_before + sum(map(plan.size, missing))
+        after = dict(zip(missing, accumulate(left.values()), strict=True))
+        missing = [number for number in missing if after[number] - left[number] < max_runs]
+        plan.most.update(
+            (number, max_runs - after[number] + left[number])
+            for number in missing
+            if after[number] > max_runs
+        )
+    runs_after = runs_before + sum(min(left[i], plan.most.get(i, left[i])) for i in missing)
     advance = Advance(runs_before, runs_after, runs_before, 0.0)
     if shard is not None:
         store.add_shards({shard.text: sum(map(plan.size, chunks))})
@@ -156,10 +166,12 @@ def execute_plan(
     start_time = time.perf_counter()
     # Store each chunk immediately, so that completed chunks remain if the process is killed.
     for result in engine(plan, missing):
-        if result.number in plan.kept:
-            result.rows.extend(plan.kept.pop(result.number))
-        store.add(result)
-        completed_runs = advance.done + len(result.rows.runs)
+        number, completed_runs = result.number, advance.done + len(result.rows.runs)
+        if number in plan.kept:
+            result.rows.extend(plan.kept.pop(number))
+        if number in parts:
+            result = replace(result, seconds=result.seconds + parts[number][1])
+        store.add(result, is_part=number in plan.most, replaces_part=number in parts)
         seconds = time.perf_counter() - start_time
         advance = Advance(completed_runs, runs_after, runs_before, seconds)
         on_chunk(advance)
@@ -308,7 +320,7 @@ def campaign(
         Number of threads; the default is the number of processors. Results do not depend on this
         number.
     max_runs : int, optional
-        Stop after about this number of runs.
+        Maximum number of additional runs.
     progress : bool or callable
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
         with the number of completed runs and of all runs.
@@ -419,6 +431,7 @@ def merge(
             _copy_buildings(sources, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
         _warn_of_corrupt_chunks(name, store.remove_invalid_chunks())
+        store.remove([-1 - number for number in store.started_chunks()])
         for part in sources:
             _warn_of_corrupt_chunks(part.name, part.corrupt_count)
             store.record_time_loops(part.time_loops)
@@ -501,7 +514,7 @@ def _read_part(folder: Path, store: Store) -> _Part:
     """Read the identity, shards and chunks of a part of a campaign, such as a shard."""
     with schema.sqlite_errors_reported(store.name):
         corrupt = schema.corrupt_chunks(store.connection)
-        chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
+        chunks = dict(store.connection.execute("SELECT id, runs FROM chunks WHERE id >= 0"))
         identity = {
             key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")
         }

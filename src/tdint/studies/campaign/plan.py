@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from threading import Lock
 from typing import Any
 
@@ -108,6 +109,8 @@ class Plan:
     # Rows of an earlier store (`tdint.studies.campaign.execute.reuse_results`) by the number of the
     # chunk; `chunk` omits their runs.
     kept: dict[int, Rows] = field(default_factory=dict, init=False)
+    # Maximum number of the other runs of a chunk (`--max-runs`)
+    most: dict[int, int] = field(default_factory=dict, init=False)
     _locks: list[Lock] = field(default_factory=lambda: [Lock() for _ in range(_LOCKS)], init=False)
 
     @property
@@ -202,6 +205,11 @@ class Plan:
         if number in self.kept:
             kept_runs = {tuple(row[:4]) for row in self.kept[number].runs}
             buildings = tuple(part.without(kept_runs) for part in buildings)
+        if number in self.most:
+            counts = [len(part.runs) for part in buildings]
+            left = [self.most[number] - before for before in accumulate(counts, initial=0)]
+            limited = zip(buildings, left, strict=False)
+            buildings = tuple(part.first(max(count, 0)) for part, count in limited)
         used_motions = sorted({run.motion for part in buildings for run in part.runs})
         records = {motion: self.motions[motion].record for motion in used_motions}
         return Chunk(number, buildings, records, self.settings)

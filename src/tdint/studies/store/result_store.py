@@ -10,7 +10,7 @@ import json
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from tdint.arrays import cached_property
 from tdint.errors import OutputError
@@ -24,7 +24,7 @@ from tdint.studies.campaign.buildings import (
     RowBuildings,
     limits_of_text,
 )
-from tdint.studies.campaign.chunks import ChunkResult, Run, RunRow
+from tdint.studies.campaign.chunks import ChunkResult, Rows, Run, RunRow
 from tdint.studies.motions.pairs import LARGER, PairRule, recording_numbers
 from tdint.studies.store import schema
 from tdint.studies.store.identity import ComparedValues, Identity, metadata_of, stored_text
@@ -150,7 +150,27 @@ class Store:
 
     def completed_chunks(self) -> set[int]:
         """Return the numbers of the completed chunks."""
-        return {number for (number,) in self.connection.execute("SELECT id FROM chunks")}
+        return {number for number in self._chunks() if number >= 0}
+
+    def _chunks(self) -> list[int]:
+        """Return the numbers of the stored chunks; part of chunk i has the number -1 - i."""
+        return [number for (number,) in self.connection.execute("SELECT id FROM chunks")]
+
+    def started_chunks(self) -> dict[int, tuple[Rows, float]]:
+        """Return the rows and the processor time (s) of chunks of which only some runs are stored,
+        by the number of the chunk. The rows are flat tuples, which `add` accepts."""
+        parts = {}
+        for number in self._chunks():
+            if number < 0:
+                where = "WHERE chunk = ?"
+                rows = [
+                    self.connection.execute(table.select(where=where), (number,)).fetchall()
+                    for table in schema.ROW_TABLES
+                ]
+                query = "SELECT seconds FROM chunks WHERE id = ?"
+                (seconds,) = self.connection.execute(query, (number,)).fetchone()
+                parts[-1 - number] = Rows(*cast("Any", rows)), seconds
+        return parts
 
     def seconds(self) -> float:
         """Return the processor time of the completed chunks, s."""
@@ -179,8 +199,17 @@ class Store:
         ).fetchone()
         return count or 0
 
-    def add(self, result: ChunkResult) -> None:
+    def add(
+        self, result: ChunkResult, *, is_part: bool = False, replaces_part: bool = False
+    ) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in a single transaction.
+
+        Parameters
+        ----------
+        is_part : bool
+            True if the result contains only some runs of the chunk, which is not completed.
+        replaces_part : bool
+            True if the store contains a part of the chunk, which the result replaces.
 
         Raises
         ------
@@ -194,9 +223,12 @@ class Store:
             for table, rows in zip(schema.ROW_TABLES, vars(result.rows).values(), strict=True)
         ]
         runs, stories = rows_by_table[:2]
-        number, seconds = result.number, float(result.seconds)
+        part = -1 - result.number
+        number, seconds = part if is_part else result.number, float(result.seconds)
         digest = schema.chunk_digest(number, seconds, *rows_by_table)
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+            if replaces_part:
+                self._delete([part])
             for table, rows in zip(schema.ROW_TABLES, rows_by_table, strict=True):
                 table.insert(self.connection, rows, number)
             values = (number, len(runs), len(stories), seconds, digest)
@@ -224,9 +256,12 @@ class Store:
             if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
                 for number, run_count in chunks:
-                    is_number_valid = 0 <= number < identity.chunks
+                    chunk = number if number >= 0 else -1 - number
                     # The expected number of runs is None if it depends on results.
-                    if not is_number_valid or identity.size(number) not in (None, run_count):
+                    size = identity.size(chunk) if chunk < identity.chunks else -1
+                    if size is not None and (
+                        run_count != size if number >= 0 else run_count >= size
+                    ):
                         invalid_chunks.add(number)
             if not invalid_chunks:
                 return 0
@@ -238,13 +273,17 @@ class Store:
     def remove(self, chunks: Collection[int]) -> None:
         """Remove the chunks with the given numbers and all their rows, so that they are run
         again."""
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+            self._delete(chunks)
+
+    def _delete(self, chunks: Collection[int]) -> None:
+        """Remove the rows of chunks in an open transaction."""
         # Column with the number of the chunk, by table. Unlike `=`, the operator IS also selects
         # rows with the number NULL, which can result from corruption.
         number_columns = {table.name: "chunk" for table in schema.ROW_TABLES} | {"chunks": "id"}
-        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-            for table, column in number_columns.items():
-                statement = f"DELETE FROM {table} WHERE {column} IS ?"
-                self.connection.executemany(statement, ((number,) for number in chunks))
+        for table, column in number_columns.items():
+            statement = f"DELETE FROM {table} WHERE {column} IS ?"
+            self.connection.executemany(statement, ((number,) for number in chunks))
 
     def is_ours(self, file: Path) -> bool:
         """Return True if a file exists, was written from this store, and was not changed
