@@ -112,7 +112,7 @@ def profile_of_suite(building, stood, fell, height=3.0):
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
     named = tuple(f"{i}" for i in range(len(outcome)))
     runs = [Run(i, 1.0) for i in range(len(outcome))]
-    level = (1.0, np.nan, runs, np.arange(len(outcome)), outcome, ("level", ""), "")
+    level = (1.0, np.nan, runs, np.arange(len(outcome)), outcome, outcome, ("level", ""), "")
     return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
@@ -224,7 +224,7 @@ def test_all_buildings_of_floors_are_in_the_legend():
     """The legend contains all buildings, also if they have different numbers of floors and some are
     not in the first panel."""
     runs, outcome = [Run(0, 1.0), Run(1, 1.0)], np.array([COMPLETED, COMPLETED])
-    level = (1.0, np.nan, runs, np.arange(2), outcome, ("level", ""), "")
+    level = (1.0, np.nan, runs, np.arange(2), outcome, outcome, ("level", ""), "")
     floor_suite = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
     (legend,) = floor_suite_picture(
         [floor_suite, replace(floor_suite, building="tall", floor=5)]

@@ -195,3 +195,66 @@ def test_functions_with_modeling_dispersion_have_their_own_panel(count, panels):
 @pytest.mark.usefixtures("laid_out")
 def test_panels_are_laid_out():
     assert "1 record" in figure_texts(ida_picture(study(curve(0, *COLLAPSING))))
+
+
+# ---- Values and labels of curves
+
+
+def drawn(axes, label):
+    """Return the points of the only line or group of marks of a panel with a label."""
+    (drawing,) = (item for item in axes.get_children() if item.get_label() == label)
+    return np.asarray(getattr(drawing, "get_xydata", getattr(drawing, "get_offsets", None))())
+
+
+def test_ida_curves_lead_through_their_runs_to_the_capacity():
+    curves = [curve(0, *COLLAPSING), curve(1, (1.0, 0.02), (2.0, 0.05))]
+    axes = ida_picture(study(*curves)).axes[0]
+    capacity = curves[0].collapse.capacity
+    assert 2.0 < capacity <= 2.1
+    lines = [line.get_xydata() for line in axes.lines]
+    for expected in (
+        [(0.0, 0.0), (1.0, 1.0), (3.0, 2.0), (3.0, capacity), (10.4, capacity)],
+        [(0.0, 0.0), (2.0, 1.0), (5.0, 2.0)],  # without collapse
+    ):
+        assert any(np.allclose(line, expected) for line in lines if len(line) == len(expected))
+    assert drawn(axes, "capacity against collapse") == pytest.approx(np.array([(3.0, capacity)]))
+    assert drawn(axes, "does not collapse up to here") == pytest.approx(np.array([(5.0, 2.0)]))
+
+
+def test_ida_fractiles_are_those_of_the_levels_at_a_drift():
+    """Curves without collapse are lines through the origin: at each drift the median level is that
+    of the middle one."""
+    slopes = np.arange(1.0, 8.0)
+    straight = [curve(i, (0.5 * s, 0.02), (s, 0.04)) for i, s in enumerate(slopes)]
+    axes = ida_picture(study(*straight)).axes[0]
+    points = drawn(axes, "median")
+    inside = (points[:, 0] > 0.0) & (points[:, 0] < 4.0)
+    assert np.count_nonzero(inside) > 10
+    np.testing.assert_allclose(points[inside, 1], 4.0 * points[inside, 0] / 4.0, rtol=1e-9)
+
+
+def test_scaled_spectra_are_drawn_with_their_median_average_and_target():
+    scaling = scale(
+        [record(i) for i in range(44)], target=TARGET, periods=np.geomspace(0.2, 2.0, 5)
+    )
+    axes = suite_picture(scaling).axes[0]
+    median = drawn(axes, "median")
+    spectra = scaling.spectra(median[:, 0])
+    assert spectra.shape == (44, len(median))
+    single = [line for line in axes.lines if len(line.get_xdata()) == len(median)][:44]
+    np.testing.assert_allclose([line.get_ydata() for line in single], spectra, rtol=1e-9)
+    np.testing.assert_allclose(median[:, 1], np.exp(np.median(np.log(spectra), axis=0)), rtol=1e-2)
+    assert np.all((spectra.min(axis=0) < median[:, 1]) & (median[:, 1] < spectra.max(axis=0)))
+    target = drawn(axes, "target")
+    np.testing.assert_allclose(target, np.column_stack([TARGET.periods, TARGET.psa]), rtol=1e-12)
+
+
+def test_the_target_value_of_a_scaling_is_drawn_at_its_period():
+    axes = suite_picture(scale([record(), record(2)], sa(1.0), 2.0)).axes[0]
+    (label,) = (line.get_label() for line in axes.lines if "Sa(1 s)" in line.get_label())
+    assert drawn(axes, label).tolist() == [[1.0, 2.0]]
+    lines = [line for line in axes.lines if len(line.get_xdata()) > 10]
+    for line in lines[:2]:
+        assert np.exp(np.interp(0.0, np.log(line.get_xdata()), np.log(line.get_ydata()))) == (
+            pytest.approx(2.0, rel=1e-2)
+        )

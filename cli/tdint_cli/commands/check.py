@@ -113,10 +113,8 @@ def command(
                 waiting_files.extendleft(reversed(models_of_campaign))
         except (ModelError, RecordError) as error:
             failures.append(error)
-    from tdint.model.model_notes import model_notes
-
     for valid in overviews:
-        note(*(f"{valid.model.source}: {text}" for text in model_notes(valid.model)))
+        note(*(f"{valid.model.source}: {text}" for text in valid.notes))
         warn(*(f"{valid.model.source}: {text}" for text in valid.warnings))
     if overviews:
         has_dampers = any(valid.complex_period is not None for valid in overviews)

@@ -224,11 +224,13 @@ def _transfer_sentence(result: TransferFunction, units: OutputUnits) -> str:
 
 def _complex_note(building: Building) -> str:
     """Return the note on the modes with and without dampers."""
-    omitted = "; power-law dampers are omitted, because their damping depends on the amplitude"
+    from tdint.model.model_notes import POWER_LAW_OMITTED
+
+    omitted = f"; {POWER_LAW_OMITTED}" if building.has_power_law_dampers else ""
     return (
         "period and damping are those of the undamped modes, without the braces of dampers; the "
         "columns complex_period_s, damped_period_s and complex_damping include the dampers"
-        f"{omitted if building.has_power_law_dampers else ''}"
+        f"{omitted}"
     )
 
 

@@ -585,16 +585,12 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     if response.flexure is not None:
         sentences = tables.matrices.linear_sentences(response, units)
     lines += [f"{text[0].upper()}{text[1:]}." for text in sentences]
-    # The drifts of events are ratios if the stories have heights.
     for number, event in enumerate(response.events, start=1):
-        maximum = demands(event.stories)
-        drift, ratio, residual = maximum.drift, maximum.drift_ratio, maximum.residual_drift_ratio
-        drift_text = f"{units.text(drift.value, 'm')} in story {drift.location}"
+        drifts = _maximum_drifts(event.stories, units, page)
+        residual = demands(event.stories).residual_drift_ratio
         if residual.location is not None:
-            drift_text = (
-                f"ratio {ratio.value:.4g} in story {ratio.location}, residual {residual.value:.3g}"
-            )
-        lines.append(f"Event {number}, from {event.start:.6g} s: maximum drift {drift_text}.")
+            drifts += f", residual {residual.value:.3g}"
+        lines.append(f"Event {number}, from {event.start:.6g} s: maximum {drifts}.")
     if response.model.damage:
         lines.append(_damage(response, units))
     if response.time_at_rest is not None:
@@ -660,24 +656,7 @@ def _maximum_demands(
             f"displacement {displacement} in row {model.rows[largest]}, force along the ground "
             f"motion {force} ({total} with viscous forces)"
         )
-    drift_text = f"drift {units.text(maximum.drift.value, 'm')} in story {maximum.drift.location}"
-    if maximum.drift_ratio.location is not None:
-        value = maximum.drift_ratio.value
-        value_text = f"{100.0 * value:.4g} %" if page else f"{value:.4g}"
-        ratio_text = f"drift ratio {value_text} in story {maximum.drift_ratio.location}"
-        # A story without a height has no drift ratio, so that the maximum drift is reported also.
-        # For a building with isolators, the maximum displacement of the isolators is reported.
-        isolators = [i for i, story in enumerate(model.stories) if story.isolator]
-        if isolators:
-            isolator = max(isolators, key=lambda i: stories.peak_drift[i])
-            displacement = units.text(float(stories.peak_drift[isolator]), "m")
-            drift_text = (
-                f"{ratio_text}, isolator displacement {displacement} in story {isolator + 1}"
-            )
-        elif all(story.drift_height for story in model.stories):
-            drift_text = ratio_text
-        else:
-            drift_text = f"{ratio_text}, {drift_text}"
+    drift_text = _maximum_drifts(stories, units, page)
     roof = units.text(maximum.roof_displacement.value, "m")
     base_shear = units.text(maximum.base_shear.value, "N")
     forces = model.forces_of_total_base_shear
@@ -686,6 +665,25 @@ def _maximum_demands(
         restoring = "restoring force; " if page else ""
         base_shear += f" ({restoring}{total} with {forces})"
     return f"{drift_text}, roof displacement {roof}, base shear {base_shear}"
+
+
+def _maximum_drifts(stories: StoryPeaks, units: OutputUnits, page: bool) -> str:
+    """Return a text with the maximum drift ratio, the maximum drift if a story has no height, and
+    the maximum displacement of isolators."""
+    from tdint.response.runs.demands import demands
+
+    maximum, texts = demands(stories), []
+    if (ratio := maximum.drift_ratio).location is not None:
+        value = f"{100.0 * ratio.value:.4g} %" if page else f"{ratio.value:.4g}"
+        texts.append(f"drift ratio {value} in story {ratio.location}")
+    has_no_ratio = stories.height != stories.height  # nan: a story without height, or an isolator
+    if (has_no_ratio & (stories.isolator == 0.0)).any():
+        drift = units.text(maximum.drift.value, "m")
+        texts.append(f"drift {drift} in story {maximum.drift.location}")
+    if (isolator := maximum.isolator_displacement).location is not None:
+        displacement = units.text(isolator.value, "m")
+        texts.append(f"isolator displacement {displacement} in story {isolator.location}")
+    return ", ".join(texts)
 
 
 def _damage(response: Response, units: OutputUnits) -> str:
@@ -697,7 +695,9 @@ def _damage(response: Response, units: OutputUnits) -> str:
     assert damage is not None
     states, demand = damage.states, DEMANDS[damage.states.demand]
     value = (
-        f"{damage.demand[0]:.4g}"
+        "unknown"  # the residual drift after a collapse
+        if math.isnan(damage.demand[0])
+        else f"{damage.demand[0]:.4g}"
         if demand.unit == "1"
         else units.text(float(damage.demand[0]), demand.unit)
     )

@@ -224,16 +224,14 @@ class SuiteResults:
 
         `profile` contains the results of one building under the suite at a single intensity level.
         """
-        counts_text = profile.counts.text
-        if not counts_text:
+        if not profile.lost_text:
             return ""
         if remaining := profile.counts.completed:
             means = f"the means are over the remaining {pluralize(remaining, 'motion')}"
         else:
             means = "no mean can be computed"
         name = self.building(profile) or profile.building
-        motions = pluralize(profile.counts.motions, "ground motion")
-        return f"{name}: of {motions}, {counts_text}; {means}"
+        return f"{name}: {profile.lost_text}; {means}"
 
     def report_results(self) -> list[TdintError]:
         """Report collapsed and failed runs, and compare the mean demands with the limits.
@@ -293,6 +291,8 @@ class SuiteResults:
         else:
             warn(*lines)
         if limit is None and not models_have_limits:
+            if clause := self._motions_clause:
+                say(f"Ground motions {clause}.")
             return []
         # Limits of the models are not checked if their data are missing. Without the data for
         # --limit or --require, the command fails.
@@ -334,7 +334,7 @@ class SuiteResults:
         for profile, checks in self.checks:
             if not self.is_limited(profile):
                 continue
-            lost = profile.lost_reason and f", because {profile.lost_reason}"
+            lost = profile.lost_text and f" ({profile.lost_text})"
             addition = f" Demand of pairs: {profile.pair_demand}." if profile.pair_demand else ""
             if clause := self._motions_clause:
                 addition += f" {pluralize(profile.counts.motions, 'ground motion')}, {clause}."
@@ -346,8 +346,7 @@ class SuiteResults:
                 verdicts = [
                     Verdict(
                         False,
-                        f"None of {profile.counts.motions} ground motions was completed"
-                        f"{limit_text}: exceeded",
+                        f"No mean demand ({profile.lost_text}){limit_text}: exceeded",
                         single_limit=True,
                     )
                 ]
@@ -382,7 +381,7 @@ class SuiteResults:
     def limit_rows(self, units: OutputUnits) -> Table | None:
         """Return the comparisons with the limits as a table of the report; None without limits."""
         listed = {self.building(profile): checks for profile, checks in self.checks if checks}
-        reasons = {self.building(profile): profile.lost_reason for profile in self.profiles}
+        reasons = {self.building(profile): profile.lost_text for profile in self.profiles}
         return limit_table(listed, units, mean=True, reasons=reasons) if listed else None
 
     def limit_summary(self) -> dict[str, Any]:

@@ -142,6 +142,8 @@ class LimitCheck:
         Story, floor, attachment or link with `largest`.
     motion : str
         Motion with `largest`.
+    motions : int
+        Number of motions of the mean; 1 for a run.
     names : tuple of str
         As in `Limit`.
     """
@@ -155,6 +157,7 @@ class LimitCheck:
     largest: float
     largest_story: int
     motion: str
+    motions: int
     names: tuple[str, ...] = ()
 
     def place(self, number: int) -> int | str:
@@ -218,6 +221,7 @@ def check_limits(
                 largest=float(demands[motion, story]),
                 largest_story=int(story_numbers[story]),
                 motion=motions[int(motion)],
+                motions=len(motions),
                 names=limit.names,
             )
         )

@@ -9,6 +9,9 @@ import numpy as np
 from tdint.model.definition import ModalDamping, Model
 from tdint.number_parsing import abbreviate
 
+POWER_LAW_OMITTED = "power-law dampers are omitted, because their damping depends on the amplitude"
+"""Note on damping ratios of a building with power-law dampers."""
+
 _MAX_LISTED = 3
 """Maximum number of names in a note."""
 

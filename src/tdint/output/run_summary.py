@@ -128,6 +128,7 @@ LIMIT_MEANINGS = {
     "limit_story": ("1", "story or floor with the largest ratio of demand to limit"),
     "limit_ratio": ("1", "demand divided by limit"),
     "largest_story": ("1", "story or floor of the maximum of all motions"),
+    "motions": ("1", "number of ground motions of the mean demand"),
 }
 """Unit and meaning of the numbers on limits (`tdint.output.verdicts.limits_summary`)."""
 
@@ -423,7 +424,9 @@ def _damage(response: Response) -> dict[str, Any]:
     assert damage is not None
     states = damage.states
     content = {
-        f"{states.demand}{suffix(DEMANDS_OF_DAMAGE[states.demand].unit)}": float(damage.demand[0]),
+        f"{states.demand}{suffix(DEMANDS_OF_DAMAGE[states.demand].unit)}": None
+        if math.isnan(damage.demand[0])  # the residual drift after a collapse
+        else float(damage.demand[0]),
         "state": damage.state[0],
         "outcomes": [
             {"outcome": outcome, "probability": probability}

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from tdint.model.limits import DRIFT_RATIO, ISOLATOR, QUANTITIES, LimitCheck, by_level
-from tdint.number_parsing import DIGITS, number_text
+from tdint.number_parsing import DIGITS, number_text, pluralize
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import OutputUnits, suffix
 
@@ -57,23 +57,24 @@ def limit_verdicts(
         if has_single_limit:
             text = (
                 f"{'Mean drift' if mean else 'Maximum drift ratio'} "
-                f"{_demand(governing, units, 3)} (story {governing.story}), limit "
-                f"{_limit(governing, units)}: {result}{lost}"
+                f"{_text(governing, governing.demand, units, 3)} ({_place(governing, mean)}), "
+                f"limit {_limit(governing, units)}: {result}{lost}"
             )
             text += f"; {_maximum(governing, units)}." if mean else "."
         else:
             # If a collapse is the reason, no demand governs.
-            is_collapse = bool(lost) and all(check.ratio <= 1.0 for check in level_checks)
+            is_collapse = bool(lost) and not any(check.ratio > 1.0 for check in level_checks)
             governs = len(level_checks) > 1 and not is_collapse
             clauses = []
             for check in level_checks:
                 quantity = QUANTITIES[check.quantity]
                 clause = f"mean {quantity.text}" if mean else quantity.text
-                clause += f" {_demand(check, units)} ({quantity.location} "
-                clause += f"{check.place(check.story)})"
-                clause += " governs:" if check is governing and governs else ","
-                ratio = number_text(check.ratio, unlike=1.0)
-                clause += f" {ratio} times the limit of {_limit(check, units)}"
+                clause += f" {_text(check, check.demand, units)}"
+                if not math.isnan(check.demand):
+                    clause += f" ({_place(check, mean)})"
+                    clause += " governs:" if check is governing and governs else ","
+                    clause += f" {number_text(check.ratio, unlike=1.0)} times"
+                    clause += f" the limit of {_limit(check, units)}"
                 if mean and check is governing:
                     clause += f", {_maximum(check, units)}"
                 clauses.append(clause)
@@ -94,30 +95,23 @@ def _maximum(check: LimitCheck, units: OutputUnits) -> str:
     return f"largest {value} ({location} {check.place(check.largest_story)}, {check.motion})"
 
 
-def _demand(check: LimitCheck, units: OutputUnits, digits: int = DIGITS) -> str:
-    """Return the demand of a comparison with its unit as text; ratios in percent.
+def _place(check: LimitCheck, mean: bool) -> str:
+    """Return the place of the demand of a comparison, such as `story 3`, for a mean with the
+    number of its motions."""
+    place = f"{QUANTITIES[check.quantity].location} {check.place(check.story)}"
+    return f"{place}, {pluralize(check.motions, 'motion')}" if mean else place
 
-    A demand that exceeds its limit is written with enough digits to differ from the limit.
+
+def _text(check: LimitCheck, value: float, units: OutputUnits, digits: int = DIGITS) -> str:
+    """Return a demand with its unit as text; ratios in percent.
+
+    It has enough digits to differ from the limit. The residual drift after a collapse is unknown.
     """
-    unlike = check.limit if check.demand > check.limit else None
-    return _text(check, check.demand, units, digits, unlike)
-
-
-def _text(
-    check: LimitCheck,
-    value: float,
-    units: OutputUnits,
-    digits: int = DIGITS,
-    unlike: float | None = None,
-) -> str:
-    """Return a number with the unit of the limited quantity as text; ratios in percent.
-
-    `unlike` is a number, SI units; the text must differ from this number.
-    """
+    if math.isnan(value):
+        return "unknown after a collapse"
     unit = QUANTITIES[check.quantity].unit
     factor, name = (0.01, "%") if unit == "1" else (units.unit(unit)[1], units.unit(unit)[0])
-    other = None if unlike is None else unlike / factor
-    return f"{number_text(value / factor, digits, unlike=other)} {name}"
+    return f"{number_text(value / factor, digits, unlike=check.limit / factor)} {name}"
 
 
 def _limit(check: LimitCheck, units: OutputUnits) -> str:
@@ -147,12 +141,8 @@ def isolator_sentence(check: LimitCheck | None, units: OutputUnits, *, mean: boo
     """
     if check is None:
         return ""
-    value = _demand(check, units)
-    if mean:
-        return (
-            f"Mean isolator displacement {value} (story {check.story}), {_maximum(check, units)}."
-        )
-    return f"Isolator displacement {value} (story {check.story})."
+    text = f"solator displacement {_text(check, check.demand, units)} ({_place(check, mean)})"
+    return f"Mean i{text}, {_maximum(check, units)}." if mean else f"I{text}."
 
 
 def has_isolator_limit(checks: Iterable[LimitCheck]) -> bool:
@@ -194,9 +184,12 @@ def limit_table(
                     "quantity": quantity.text,
                     # A number is not divided from its noun in a narrow column.
                     "place": f"{quantity.location}\u00a0{check.place(check.story)}",
-                    "mean demand" if mean else "demand": _demand(check, units),
+                    "mean demand" if mean else "demand": _text(check, check.demand, units),
+                    **({"motions": str(check.motions)} if mean else {}),
                     "limit": _limit(check, units),
-                    "demand/limit": f"{number_text(check.ratio, unlike=1.0)}",
+                    "demand/limit": ""
+                    if math.isnan(check.ratio)
+                    else number_text(check.ratio, unlike=1.0),
                     "result": _result(check, reasons.get(name, "")),
                 }
                 if mean:
@@ -231,7 +224,7 @@ def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str
             **({"level": check.level} if check.level else {}),
             "quantity": check.quantity,
             "met": check.within,
-            f"{check.quantity}{unit}": check.demand,
+            f"{check.quantity}{unit}": None if math.isnan(check.demand) else check.demand,
             f"{check.quantity}_limit{unit}": check.limit,
             f"limit_{place}": check.place(check.story),
             "limit_ratio": None if math.isnan(check.ratio) else check.ratio,
@@ -241,6 +234,7 @@ def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str
                 f"{check.quantity}_largest{unit}": check.largest,
                 f"largest_{place}": check.place(check.largest_story),
                 "motion": check.motion,
+                "motions": check.motions,
             }
         entries.append(entry)
     return entries

@@ -14,6 +14,7 @@ from tdint.methods.catalogue import method_of, parse
 from tdint.model.building import assemble, period
 from tdint.model.config.model_file import load_with_checks
 from tdint.model.definition import Model
+from tdint.model.model_notes import POWER_LAW_OMITTED, model_notes
 from tdint.model.modes import Modes
 from tdint.model.plausibility import long_step, plausibility_warnings
 from tdint.number_parsing import pluralize
@@ -32,6 +33,8 @@ class Overview(WithTable):
         Model.
     warnings : tuple of str
         Warnings that a run prints before it starts.
+    notes : tuple of str
+        Notes on the model (`tdint.model.model_notes`), and on dampers that the damping ratios omit.
     mass, height : float
         Total mass (kg) and height (m) of the building; the height is nan if a story has no height.
     period, damping : float
@@ -50,6 +53,7 @@ class Overview(WithTable):
     warnings: tuple[str, ...] = ()
     complex_period: float | None = None
     complex_damping: float | None = None
+    notes: tuple[str, ...] = ()
 
     def _headline(self) -> str:
         stories = pluralize(self.stories, "story")
@@ -158,6 +162,14 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         from tdint.response.runs.load_notes import missing_times
 
         warnings += missing_times(model, given_times)
+    notes = model_notes(model)
+    if building.has_power_law_dampers:
+        notes.append(f"damping ratios: {POWER_LAW_OMITTED}")
+    complex_period, complex_damping = (
+        (float(complex_modes.natural_period[0]), float(complex_modes.damping[0]))
+        if complex_modes
+        else (None, None)
+    )
     return Overview(
         model,
         float(building.mass.sum()),
@@ -165,11 +177,9 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         first_period,
         damping,
         warnings,
-        *(
-            (float(complex_modes.natural_period[0]), float(complex_modes.damping[0]))
-            if complex_modes
-            else ()
-        ),
+        complex_period,
+        complex_damping,
+        tuple(notes),
     )
 
 

@@ -21,7 +21,7 @@ VALUES = {
 }
 VALUES["residual_drift"] *= np.array([-1.0, 1.0, -1.0])
 VALUES["peak_drift_ratio"] = VALUES["peak_drift"] / HEIGHT
-PEAKS = StoryPeaks(**VALUES, height=HEIGHT)
+PEAKS = StoryPeaks(**VALUES, height=HEIGHT, isolator=np.zeros(3))
 
 
 def largest(numbers):
@@ -41,6 +41,7 @@ def expected_demands(run):
         "base_shear": (values_of_run["peak_shear"][0], 1),
         "total_base_shear": (values_of_run["peak_total_shear"][0], 1),
         "drift": largest(values_of_run["peak_drift"]),
+        "isolator_displacement": (math.nan, 0),
         "drift_ratio": largest(
             [
                 value / height
@@ -61,17 +62,43 @@ def test_maximum_demands_and_their_positions():
     assert {declared.name for declared in DECLARED} == set(expected_demands(0))
     for run in (0, 1):
         single = demands(
-            StoryPeaks(**{name: values[run] for name, values in VALUES.items()}, height=HEIGHT)
+            StoryPeaks(
+                **{name: values[run] for name, values in VALUES.items()},
+                height=HEIGHT,
+                isolator=np.zeros(3),
+            )
         )
         for name, expected in expected_demands(run).items():
             demand = getattr(found, name)
-            assert (demand.value[run], demand.location[run]) == pytest.approx(expected), name
-            assert tuple(getattr(single, name)) == pytest.approx(expected), name
+            assert (demand.value[run], demand.location[run]) == pytest.approx(
+                expected, nan_ok=True
+            ), name
+            value, location = getattr(single, name)
+            assert (value, location or 0) == pytest.approx(expected, nan_ok=True), name
+
+
+def test_demands_of_isolators_are_apart_from_drifts_of_stories():
+    isolated = StoryPeaks(**VALUES, height=HEIGHT, isolator=np.array([0.0, 1.0, 0.0]))
+    found = demands_of_runs(isolated)
+    for run in (0, 1):
+        drifts = VALUES["peak_drift"][run]
+        assert (found.drift.value[run], found.drift.location[run]) == largest(
+            [drifts[0], math.nan, drifts[2]]
+        )
+        assert found.isolator_displacement.value[run] == drifts[1]
+        assert found.isolator_displacement.location[run] == 2
+        assert found.residual_drift.location[run] != 2
+    only_isolators = StoryPeaks(**VALUES, height=HEIGHT, isolator=np.ones(3))
+    cells = demand_cells(only_isolators)[0]
+    assert math.isnan(cells["peak_drift"])
+    assert cells["peak_isolator_displacement"] == VALUES["peak_drift"][0].max()
 
 
 def test_governing_story_without_heights_has_maximum_drift():
     bare = StoryPeaks(
-        **VALUES | {"peak_drift_ratio": np.full((2, 3), math.nan)}, height=np.full(3, math.nan)
+        **VALUES | {"peak_drift_ratio": np.full((2, 3), math.nan)},
+        height=np.full(3, math.nan),
+        isolator=np.zeros(3),
     )
     assert [cells["peak_drift_story"] for cells in demand_cells(bare)] == [
         expected_demands(run)["drift"][1] for run in (0, 1)
@@ -82,7 +109,7 @@ def test_error_of_demand_covers_all_possible_maxima():
     values = {quantity.name: np.ones(3) for quantity in STORY_QUANTITIES} | {
         "peak_drift": np.array([1.0, 0.97, 0.5])
     }
-    peaks = StoryPeaks(**values, height=np.array([4.0, 3.0, 2.5]))
+    peaks = StoryPeaks(**values, height=np.array([4.0, 3.0, 2.5]), isolator=np.zeros(3))
     (drift,) = (quantity for quantity in DECLARED if quantity.name == "drift")
     (roof,) = (quantity for quantity in DECLARED if quantity.name == "roof_displacement")
 

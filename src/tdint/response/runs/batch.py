@@ -236,8 +236,10 @@ class Outcomes:
         collapse = result if isinstance(result, Collapse) else result.collapse
         if collapse:
             self.collapses[i], self.at_rest[i] = collapse, None
-        # A collapse that was evaluated from the batch does not change the values of the batch.
+        # A collapse that was evaluated from the batch changes no other values of the batch.
         if isinstance(result, Collapse):
+            for peaks in filter(None, (self.stories, self.devices)):
+                peaks.residual_drift[i] = np.nan
             return
         if result.time_at_rest is not None and not collapse:
             self.at_rest[i] = 1
@@ -256,7 +258,7 @@ class Outcomes:
 def _run_of(peaks: StoryPeaks, i: int) -> StoryPeaks:
     """Return the peaks of run `i` of many runs."""
     values = {quantity.name: getattr(peaks, quantity.name)[i] for quantity in STORY_QUANTITIES}
-    return StoryPeaks(height=peaks.height, **values)
+    return replace(peaks, **values)
 
 
 def run_batch(

@@ -628,6 +628,9 @@ class Case(Described):
         late = 0.0 if result.completed > steps.count else steps.late
         devices = device_peaks(self.building, space, steps.late)
         warnings = (*warnings, *_fracture_warnings(self.model, elements, devices))
+        if collapse:
+            stories = stories.without_residual()
+            devices = devices and devices._replace(stories=devices.stories.without_residual())
         bound = interstep_peak_errors(self.building, space, late, slice(self.building.floors))
         oscillation = residual_oscillation(self.building, space)
         response = Response(

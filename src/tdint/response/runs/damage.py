@@ -33,7 +33,7 @@ class RunDamage:
     ----------
     demand : ndarray, shape (runs,)
         Demand of the damage states, SI units; nan for a run without a result. After a collapse, it
-        is the demand that was reached.
+        is the demand that was reached, and a residual drift is nan.
     probability : ndarray, shape (runs, outcomes)
         Probability of each of `states.outcomes`; nan for a run without a result.
     """

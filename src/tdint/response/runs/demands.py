@@ -39,7 +39,8 @@ class Demand(Quantity):
     """Definition of a demand: how it is computed from the peaks of the stories.
 
     If the attribute `value` of the base class is a function, it computes the values of the stories
-    from their peaks and heights.
+    from their values (peaks, or errors of peaks) and the peaks, which contain heights and
+    isolators.
 
     Attributes
     ----------
@@ -70,7 +71,7 @@ class Demand(Quantity):
         LargestOfRuns
             Demand in SI units, and story or floor from 1, shape (runs,).
         """
-        values = np.atleast_2d(self._story_values(stories, stories.height))
+        values = np.atleast_2d(self._story_values(stories, stories))
         if self.story is not None:
             value = values[:, self.story]
             # The remainder converts the index -1 of the roof to n - 1.
@@ -90,7 +91,7 @@ class Demand(Quantity):
         is known.
         """
         values, errors_of_stories = (
-            self._story_values(source, stories.height) for source in (stories, errors)
+            self._story_values(source, stories) for source in (stories, errors)
         )
         if self.story is not None:
             return float(errors_of_stories[self.story])
@@ -101,10 +102,10 @@ class Demand(Quantity):
         can_be_maximum = values + errors_of_stories >= np.max(values)
         return float(np.max(errors_of_stories[can_be_maximum]))
 
-    def _story_values(self, source: StoryValues, height: Array) -> Array:
+    def _story_values(self, source: StoryValues, stories: StoryPeaks) -> Array:
         """Return the values of the stories from peaks or their errors, shape (..., n)."""
         return np.asarray(
-            self.value(source, height)
+            self.value(source, stories)
             if self.value
             else getattr(source, self.story_attribute or self.name)
         )
@@ -149,8 +150,17 @@ class Demands(Generic[MaximumT]):
         MaximumT,
         Demand(
             "m",
-            "largest drift of a story, relative to the floor below",
+            "largest drift of a story, relative to the floor below, without isolators",
+            lambda values, stories: np.where(stories.isolator > 0.0, np.nan, values.peak_drift),
             story_attribute="peak_drift",
+        ),
+    ]
+    isolator_displacement: Annotated[
+        MaximumT,
+        Demand(
+            "m",
+            "largest displacement of an isolator, relative to the floor below",
+            lambda values, stories: np.where(stories.isolator > 0.0, values.peak_drift, np.nan),
         ),
     ]
     drift_ratio: Annotated[
@@ -160,16 +170,19 @@ class Demands(Generic[MaximumT]):
         MaximumT,
         Demand(
             "m",
-            "largest absolute drift at the end of the run",
-            lambda stories, height: np.abs(stories.residual_drift),
+            "largest absolute drift at the end of the run, without isolators; empty after a "
+            "collapse",
+            lambda values, stories: np.where(
+                stories.isolator > 0.0, np.nan, np.abs(values.residual_drift)
+            ),
         ),
     ]
     residual_drift_ratio: Annotated[
         MaximumT,
         Demand(
             "1",
-            "largest absolute drift at the end over story height",
-            lambda stories, height: np.abs(stories.residual_drift) / height,
+            "largest absolute drift at the end over story height; empty after a collapse",
+            lambda values, stories: np.abs(values.residual_drift) / stories.height,
         ),
     ]
     ductility: Annotated[

@@ -91,7 +91,9 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
         first the stories, then attachments and links.
     """
     values = story_values(building, peaks, residual_drift)
-    return StoryPeaks(height=building.heights, **values)
+    isolator = np.zeros(building.heights.size)
+    isolator[list(building.isolators)] = 1.0
+    return StoryPeaks(height=building.heights, isolator=isolator, **values)
 
 
 def residual_oscillation(

@@ -1,7 +1,7 @@
 """Results of a run: peaks, energies, history, error estimates, or the failure that ended it."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -183,9 +183,18 @@ class StoryPeaks(WithTable, StoryValues):
         Maximum absolute accelerations of the floors, m/s^2.
     height : ndarray, shape (n,)
         Story height, m; nan if the model does not specify it.
+    isolator : ndarray, shape (n,)
+        1 for an isolator, 0 for another story.
+
+    After a collapse, residual drifts are nan: the drifts where the run stopped are not at rest.
     """
 
     height: Array
+    isolator: Array
+
+    def without_residual(self) -> "StoryPeaks":
+        """Return the peaks of a collapsed run, whose residual drifts are unknown (nan)."""
+        return replace(self, residual_drift=np.full_like(self.residual_drift, np.nan))
 
     def _headline(self) -> str:
         largest = np.nanmax(self.peak_drift, initial=0.0)

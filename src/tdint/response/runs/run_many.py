@@ -452,7 +452,7 @@ def _empty_result(
         failures={},
         varied={name: values[[run.draw for run in plan]] for name, values in request.vary.items()},
         errors=StoryErrors(**errors) if request.check else None,
-        corrected=StoryPeaks(height=peaks["height"], **corrected) if request.check else None,
+        corrected=StoryPeaks(**peaks | corrected) if request.check else None,
         record_rows=1 + np.array([request.record_steps(run) for run in plan], np.int64) // every,
         warnings=study_plausibility_warnings(
             (subject.model, subject.prepared.building) for subject in request.subjects

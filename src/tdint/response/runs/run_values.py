@@ -46,13 +46,24 @@ class RunValues:
         ),
     ]
     peak_drift: Annotated[
-        Array, Quantity("m", "largest peak drift, of any story", attrgetter("drift.value"))
+        Array,
+        Quantity(
+            "m", "largest peak drift of a story, without isolators", attrgetter("drift.value")
+        ),
+    ]
+    peak_isolator_displacement: Annotated[
+        Array,
+        Quantity(
+            "m",
+            "largest displacement of an isolator; empty without isolators",
+            attrgetter("isolator_displacement.value"),
+        ),
     ]
     residual_drift_ratio: Annotated[
         Array,
         Quantity(
             "1",
-            "largest drift over story height at the end of the run",
+            "largest drift over story height at the end of the run; empty after a collapse",
             attrgetter("residual_drift_ratio.value"),
         ),
     ]

@@ -162,16 +162,31 @@ def run_sequence(
         until_rest=until_rest,
     )
     steps = replace(joined.steps(response.dt), count=response.steps)
-    return replace(
-        response, events=event_responses(joined, sequence, steps, check=response.check is not None)
+    collapse_time = response.collapse.time if response.collapse else math.inf
+    events = event_responses(
+        joined, sequence, steps, check=response.check is not None, collapse_time=collapse_time
     )
+    return replace(response, events=events)
 
 
 def event_responses(
-    joined: Case, sequence: EventSequence, steps: Steps, *, check: bool = False
+    joined: Case,
+    sequence: EventSequence,
+    steps: Steps,
+    *,
+    check: bool = False,
+    collapse_time: float = math.inf,
 ) -> tuple[EventResponse, ...]:
-    """Integrate a sequence again, and return the peaks of each event that starts before its end."""
+    """Integrate a sequence again, and return the peaks of each event that starts before its end.
+
+    Events that end after a collapse (`collapse_time`, s) have no residual drifts.
+    """
     events = _parts(joined, sequence, steps)
+    ends = (*(event.start for event in events[1:]), math.inf)
+    events = tuple(
+        replace(event, stories=event.stories.without_residual()) if end > collapse_time else event
+        for event, end in zip(events, ends, strict=True)
+    )
     if not check:
         return events
     others = _parts(reference(joined), sequence, reference_steps(joined, steps))

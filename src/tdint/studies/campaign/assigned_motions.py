@@ -437,7 +437,8 @@ class FactorTable:
     by_name : mapping of (str, str) to mapping of float to float
         Factors by record and component, each with its level, SI units; NaN without levels.
     scaled : mapping
-        Settings that `tdint scale` wrote next to the file; empty if not available.
+        Settings that `tdint scale` wrote next to the file, or only target and rule from the columns
+        of a copied file.
     level_unit : str
         SI unit of the levels; empty without levels.
     by_motion : mapping of int to mapping of float to float

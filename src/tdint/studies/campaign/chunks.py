@@ -485,6 +485,7 @@ class Batch:
                 sequence,
                 joined_steps,
                 check=self.settings.check and bool(record.fixed),
+                collapse_time=run_row.collapse_time or math.inf,
             )
             rows_of_events = event_rows(self.number, run, events)
             # The first `fixed` events of the record are not scaled; they only damage the building

@@ -63,6 +63,7 @@ _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
 _MOST_NAMES = 10  # names listed in a message
 
 _FACTOR_COLUMNS = ("record", "component", "factor")
+_PROVENANCE_COLUMNS = ("target", "rule")
 
 
 @dataclass(frozen=True)
@@ -560,7 +561,9 @@ def read_factors(file: str) -> FactorTable:
         f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` "
         "writes such a file"
     )
-    table = read_table(file, format_text, columns=(*_FACTOR_COLUMNS, *_LEVEL_COLUMNS, "unit"))
+    table = read_table(
+        file, format_text, columns=(*_FACTOR_COLUMNS, *_PROVENANCE_COLUMNS, *_LEVEL_COLUMNS, "unit")
+    )
     table.need(*_FACTOR_COLUMNS)
     levels, level_unit = _levels_in(table)
     motions = zip(table.texts("record"), table.texts("component"), strict=True)
@@ -586,7 +589,17 @@ def read_factors(file: str) -> FactorTable:
             scale_settings = settings
     if scale_settings:
         record_digest(settings_file, content)
+    else:
+        scale_settings = {"settings": _scaling_in(table)}
     return FactorTable(file, factors_of_motion, scale_settings, level_unit)
+
+
+def _scaling_in(table: CsvTable) -> dict[str, str]:
+    """Return target and rule of the scaling from the columns of a table of factors; several targets
+    of its rows are one text."""
+    columns = [name for name in _PROVENANCE_COLUMNS if table.has(name)]
+    distinct = {name: dict.fromkeys(filter(None, table.texts(name))) for name in columns}
+    return {name: "; ".join(texts) for name, texts in distinct.items() if texts}
 
 
 _UNITS_OF_LEVELS = {

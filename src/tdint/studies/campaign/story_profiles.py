@@ -142,8 +142,8 @@ class SuiteLevel:
         All runs at the level.
     motion : ndarray of int
         Index of the motion of each run.
-    outcome : ndarray of int
-        Outcome of each motion (`tdint.studies.motions.outcomes`).
+    outcome, run_outcome : ndarray of int
+        Outcome of each motion and of each run (`tdint.studies.motions.outcomes`).
     measure : tuple of str
         Name and unit of the level.
     pair_demand : str
@@ -156,6 +156,7 @@ class SuiteLevel:
     runs: list[Run]
     motion: Indices
     outcome: Outcomes
+    run_outcome: Outcomes
     measure: tuple[str, str]
     pair_demand: str
 
@@ -225,6 +226,7 @@ class Profile(SuiteLevel):
             runs=[run for run, is_kept in zip(self.runs, is_of_kept, strict=True) if is_kept],
             motion=np.searchsorted(indices, self.motion[is_of_kept]),
             outcome=self.outcome[kept],
+            run_outcome=self.run_outcome[is_of_kept],
             motions=tuple(self.motions[index] for index in indices),
             peaks={name: values[kept] for name, values in self.peaks.items()},
             peak_errors={name: values[kept] for name, values in self.peak_errors.items()},
@@ -236,12 +238,17 @@ class Profile(SuiteLevel):
         return self.restricted_to(self.outcome == COMPLETED)
 
     @property
-    def lost_reason(self) -> str:
-        """Reason why no limit is met; empty if all runs are completed without collapse."""
+    def lost_text(self) -> str:
+        """Numbers of lost motions, such as `of 7 ground motions, 2 collapsed and 1 failed`; empty
+        if all runs are completed without collapse. The worse component decides for its pair."""
         if not self.counts.lost:
             return ""
+        components = ""
+        if self.pairs:
+            done = int(np.count_nonzero(self.run_outcome == COMPLETED))
+            components = f" under a component, {done} of {len(self.runs)} components completed"
         return (
-            f"{self.counts.lost} of {pluralize(self.counts.motions, 'motion')} collapsed or failed"
+            f"of {pluralize(self.counts.motions, 'ground motion')}, {self.counts.text}{components}"
         )
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
@@ -425,7 +432,7 @@ class SuiteRules:
             at_level = rows_of_level[value]
             runs = [run for run, *_ in at_level]
             motion = indices_of(self.pairs.motion_key(run, name) for run, name, *_ in at_level)
-            outcome = outcomes_of_motions(motion, outcomes_of(status for *_, status in at_level))
+            run_outcome = outcomes_of(status for *_, status in at_level)
             scales = {run.scale for run in runs}
             is_common = len(scales) == 1 and not self.has_levels
             yield SuiteLevel(
@@ -433,7 +440,8 @@ class SuiteRules:
                 value if self.has_levels and value is not None else math.nan,
                 runs,
                 motion,
-                outcome,
+                outcomes_of_motions(motion, run_outcome),
+                run_outcome,
                 self.measure,
                 self.pairs.demand_if_pairs,
             )

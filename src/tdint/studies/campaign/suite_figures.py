@@ -411,6 +411,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
                     [Run(index, scale, 0) for index in range(selected.size)],
                     np.arange(selected.size),
                     outcome,
+                    outcome,
                     measure=("", ""),
                     pair_demand="",
                     building=name if names.count(name) == 1 else f"{name} ({number + 1})",

@@ -405,16 +405,16 @@ def _scaling(
     table = plan.levels
     if not isinstance(table, FactorTable):
         return (), []
-    if not table.scaled:
+    # `settings` contains the target or intensity measure and the rule. The period range, the
+    # damping ratio and the treatment of pairs are in the JSON file next to the factors only.
+    settings = table.scaled.get("settings", {})
+    if not settings:
         return (
-            f"Scale factors: {table.source}; the method of scaling is unknown, because there is no "
-            "JSON file of `tdint scale` next to the factors.",
+            f"Scale factors: {table.source}; the method of scaling is unknown, because the table "
+            "has no columns `target` and `rule`.",
         ), []
-    # `settings` contains the target or intensity measure, the rule, the period range, the damping
-    # ratio and the treatment of pairs.
-    settings = table.scaled["settings"]
     parts: list[Part] = [_scaling_text(table.source, settings)]
-    scaling = _scaled_suite(plan, table, settings) if settings["target"] else None
+    scaling = _scaled_suite(plan, table, settings) if settings.get("periods_s") else None
     if scaling is not None:
         parts.append(
             Picture(
@@ -427,21 +427,21 @@ def _scaling(
 
 def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
     """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio."""
-    facts = [
-        f"Scale factors: {factors}, computed by tdint scale",
-        f"rule {settings['rule']} ({_RULES[settings['rule']]})",
-    ]
-    if settings["target"]:
+    facts = [f"Scale factors: {factors}, computed by tdint scale"]
+    if rule := settings.get("rule"):
+        facts.append(f"rule {rule} ({_RULES[rule]})" if rule in _RULES else f"rule {rule}")
+    if settings.get("target"):
         facts.append(f"target {spectrum_text(settings['target'])}")
-    elif settings["measure"]:
+    elif settings.get("measure"):
         value = f"{settings['value']:.4g} {settings['unit']}".strip()
         facts.append(f"target {settings['measure']} = {value}")
-    if settings["periods_s"]:
+    if settings.get("periods_s"):
         facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
-    facts.append(f"{100.0 * settings['damping']:g} % damping")
-    if settings["pairs"]:
+    if settings.get("damping") is not None:
+        facts.append(f"{100.0 * settings['damping']:g} % damping")
+    if settings.get("pairs"):
         facts.append(f"pairs represented by {scaling_figures.pair_text(settings['pairs'])}")
-    if settings["least_average_over_target"] is not None:
+    if settings.get("least_average_over_target") is not None:
         ratio = 100.0 * settings["least_average_over_target"]
         facts.append(f"the minimum ratio of average to target is {ratio:.3g} %")
     return f"{'; '.join(facts)}."

@@ -148,6 +148,16 @@ class Scaling(Tabular):
         nouns = {"record" if isinstance(item, Record) else "pair" for item in self.motions}
         return nouns.pop() if len(nouns) == 1 else "recording"
 
+    @property
+    def target_text(self) -> str:
+        """Target as text: the spectrum as on the command line, or the intensity measure and its
+        value, such as `sa(0.5) = 2.942 m/s^2`; empty for a suite that was only normalized."""
+        if self.target is not None:
+            return self.target.source
+        if self.measure is None or self.value is None:
+            return ""
+        return f"{self.measure.name} = {self.value:.4g} {self.measure.unit}"
+
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
         """Return the motions with an absolute scale factor outside a range.
 

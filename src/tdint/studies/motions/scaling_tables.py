@@ -15,10 +15,18 @@ from tdint.output.tables.table import (
     Table,
 )
 from tdint.studies.motions.scaling import Scaling
+from tdint.system import __version__
 
 FACTORS = (
     *RECORD_COLUMNS,
     Column.named("factor", "scale factor of the record, equal for both components of a pair"),
+    Column.named(
+        "target",
+        "target of the scaling: spectrum as on the command line, or intensity measure and value",
+        TEXT,
+    ),
+    Column.named("rule", "rule of the scaling", TEXT),
+    Column.named("version", "version of tdint that computed the factors", TEXT),
 )
 
 SCALED = (
@@ -37,13 +45,21 @@ SCALED = (
 def factor_table(scaling: Scaling) -> Table:
     """Return the table of the scale factors of a suite, with one row per record (each component of
     a pair has a row)."""
-    records, factors = [], []
-    for motion, factor in zip(scaling.motions, scaling.factors, strict=True):
-        for record in components(motion):  # both components of a pair have the same factor
-            records.append(record)
-            factors.append(float(factor))
-    sources = [record.source for record in records]
-    return Table.of(FACTORS, zip(sources, component_names(records), factors, strict=True))
+    # Both components of a pair have the same factor.
+    rows = [
+        (record, float(factor))
+        for motion, factor in zip(scaling.motions, scaling.factors, strict=True)
+        for record in components(motion)
+    ]
+    names = component_names([record for record, _ in rows])
+    provenance = (scaling.target_text, scaling.rule, __version__)
+    return Table.of(
+        FACTORS,
+        [
+            (record.source, name, factor, *provenance)
+            for (record, factor), name in zip(rows, names, strict=True)
+        ],
+    )
 
 
 def scaled_table(scaling: Scaling) -> Table:

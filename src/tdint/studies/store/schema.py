@@ -437,7 +437,7 @@ def _refuse_second(folder: Path) -> None:
 
 # ---- Schema
 
-VERSION = "12"
+VERSION = "13"
 """Version of the layout; stores with another version are refused."""
 
 # Columns that identify a run, with the type of their values.
