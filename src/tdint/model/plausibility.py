@@ -6,9 +6,11 @@ Most unusual values are caused by wrong units. Unusual buildings cause warnings 
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -74,7 +76,13 @@ class UsualRange(NamedTuple):
         return f"unusual {self.name}: {values}; usual values are {usual} ({self.reason})"
 
 
-_SECONDS, _METERS = "{:.3g} s", "{:.3g} m"
+USUAL = {
+    key: UsualRange(**values)
+    for key, values in tomllib.loads(
+        Path(__file__).with_name("usual_values.toml").read_text(encoding="utf-8")
+    ).items()
+}
+"""Usual values of each property, from the table `usual_values.toml`."""
 
 _MIN_PERIOD_PER_STORY = 1.0 / 60.0  # s; stiff wall buildings have a period of n / 25 to n / 20
 _MAX_HEIGHT_PER_PERIOD = 200.0  # m/s; stiff wall buildings have 70 to 150 m/s
@@ -88,235 +96,17 @@ A period of 1.5 s at 11 m is above the line."""
 _MAX_STORY_HEIGHT = 6.0
 """Story height, m, from which the maximum period is computed if no heights are specified."""
 
-PERIOD = UsualRange(
-    "fundamental period",
-    0.03,
-    12.0,
-    "a one-story masonry house has 0.05 s, the tallest towers have 10 s; check the units of mass "
-    "and stiffness",
-    form=_SECONDS,
-)
-DAMPING = UsualRange(
-    "damping ratio of the first mode",
-    0.005,
-    0.20,
-    "buildings have 0.01 to 0.07, with dampers up to 0.2; write a percentage as 5% or 0.05, and "
-    "check that the damping includes the mode of the isolators",
-)
-"""The lower bound is the smallest ratio that is measured in buildings, steel towers in weak wind.
-It detects damping that does not reach the first mode, such as a percentage of a percentage, or
-dashpots of the superstructure only under a building on isolators."""
 
-HEIGHT = UsualRange(
-    "story height",
-    1.5,
-    15.0,
-    "offices have 3 to 5 m, tall halls have 15 m; check the unit of length",
-    form=_METERS,
-)
-BUILDING_HEIGHT = UsualRange(
-    "height of the building",
-    0.0,
-    1000.0,
-    "the tallest tower has 828 m; check the heights and the number of stories",
-    form="{:.4g} m",
-)
-FLOOR = UsualRange(
-    "mass of a floor", 1e3, 1e8,
-    "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg; check the unit of mass",
-    form="{:.3g} kg",
-)  # fmt: skip
-MASS_PER_HEIGHT = UsualRange(
-    "mass of a floor over the story height", 200.0, 5e6,
-    "a house has 1000 kg/m, a floor of 100 m by 100 m has 3e6 kg/m; check the units of mass and "
-    "height",
-    form="{:.3g} kg/m",
-)  # fmt: skip
 _MIN_TOWER_MASS = 0.16
 """Minimum mass per story height over the square of the height of the building, kg/m^3: a building
 with 100 kg/m^3 that is 25 times as high as it is wide. The most slender towers are 24 times as
 high."""
 
-STIFFNESS_RATIO = UsualRange(
-    "ratio of the stiffness of neighboring stories",
-    0.0,
-    9.5,
-    "a ground floor without infill has a ratio of 3 to 7; check the number of digits and the unit "
-    "of the stiffness",
-)
-YIELD_DRIFT = UsualRange(
-    "ratio of the yield drift to the story height",
-    0.0,
-    0.1,
-    "frames yield at 0.003 to 0.02; check the units of the yield force, the stiffness and the "
-    "height",
-)
-ULTIMATE_DRIFT = UsualRange(
-    "ratio of the ultimate drift to the story height",
-    0.0,
-    1.0,
-    "tests of stories end at 0.03 to 0.15; the ultimate drift is a length in the unit of the file",
-)
-DETERIORATION = UsualRange(
-    "ratio of deterioration to plastic_drift",
-    2.0,
-    200.0,
-    "deterioration is a length, lambda times plastic_drift, in the unit of the file; omit it for a "
-    "story without deterioration",
-    form="{:.4g}",
-)
-"""The lambda of tests of steel and concrete members is 10 to 200. A lambda that is entered as a
-length in meters is above the range, and in millimeters below it."""
 
-DAMPER = UsualRange(
-    "ratio of the damper coefficient to the critical coefficient",
-    5e-4,
-    1.0,
-    "dampers have 0.05 to 0.4, at a drift ratio of 1 % if the exponent is not 1; check the unit of "
-    "the coefficient, force (s/length)^exponent",
-)
 _REFERENCE_DRIFT = 0.01
 """Amplitude of the drift ratio at which a power-law damper is compared with a linear damper."""
 _ISOLATOR_DRIFT = 0.2
 """The same amplitude of an isolator, m."""
-
-BRACE = UsualRange(
-    "part of the damper force that the brace transmits",
-    0.1,
-    1.0,
-    "a soft brace deforms instead of the damper; check the unit of `brace`, force/length",
-)
-ANGLE = UsualRange(
-    "angle of a device",
-    3.0,
-    80.0,
-    "diagonals have 20 to 60 degrees; an angle is in degrees, not in radians",
-    form="{:.3g} degrees",
-)
-ISOLATOR_STRENGTH = UsualRange(
-    "ratio of the yield force of the isolator to the weight above",
-    0.005,
-    0.5,
-    "isolators have 0.02 to 0.2; a stronger isolator does not yield before the building",
-)
-ISOLATOR_PERIOD = UsualRange(
-    "period of the rigid building on the isolator after yield",
-    0.5,
-    10.0,
-    "isolators have 1.5 to 5 s; check the units of the stiffness and of hardening",
-    form=_SECONDS,
-)
-GAP = UsualRange(
-    "clearance of a gap",
-    1e-4,
-    2.0,
-    "moats have 0.3 to 0.8 m, clearances of bolts 0.001 m; check the unit of length",
-    form=_METERS,
-)
-WIDE_GAP = UsualRange(
-    "ratio of the gap to the story height",
-    1e-5,
-    0.2,
-    "a wider gap never closes; check the unit of length",
-)
-ELEMENT = UsualRange(
-    "part of an element in the stiffness of its story",
-    1e-3,
-    1.0,
-    "such an element has no effect; check the unit of its stiffness, force/length",
-)
-
-LINK = UsualRange(
-    "ratio of the stiffness of a link to that of the springs between its ends",
-    1e-3,
-    1e6,
-    "a softer link has no effect, a stiffer one costs digits of the results; check the unit of its "
-    "stiffness, force/length",
-)
-BENDING = UsualRange(
-    "part of bending (EI) in the drifts of a story",
-    1e-4,
-    1.0 - 1e-4,
-    "EI or GA has no effect; check their units, force length^2 and force, or omit GA",
-    form="{:.6g}",
-)
-"""For a uniform cantilever of the height of the building under a force at its top. Frames have
-0.001 to 0.5, slender walls 0.9 to 0.999."""
-INITIAL_DISPLACEMENT = UsualRange(
-    "initial displacement",
-    -10.0,
-    10.0,
-    "isolators reach 1 m; check the unit of length",
-    form=_METERS,
-)
-INITIAL_VELOCITY = UsualRange(
-    "initial velocity",
-    -100.0,
-    100.0,
-    "floors reach 10 m/s; check the unit of length",
-    form="{:.3g} m/s",
-)
-
-ATTACHED_MASS = UsualRange(
-    "ratio of an attached mass to the mass of its floor",
-    1e-6,
-    10.0,
-    "absorbers and tanks have 0.01 to 0.5; check the unit of mass",
-)
-ATTACHED_PERIOD = UsualRange(
-    "period of an attachment on a rigid floor",
-    0.01,
-    20.0,
-    "equipment has 0.03 to 0.5 s, the liquid of a tank up to 10 s; check the units of mass and "
-    "stiffness",
-    form=_SECONDS,
-)
-STRENGTH = UsualRange(
-    "ratio of the yield force to the weight above",
-    0.005,
-    3.0,
-    "with smaller values a building yields in wind, codes require 0.03 to 0.3, low walls have 2; "
-    "check the units of force and mass",
-)
-BASE_STRENGTH = UsualRange(
-    "ratio of the base shear at yield to the weight",
-    0.03,
-    3.0,
-    "codes require 0.03 to 0.3; check that the stiffness and the yield force fit the number of "
-    "stories",
-)
-STEP = UsualRange(
-    "number of time steps in the fundamental period",
-    10.0,
-    math.inf,
-    "with ten steps, peaks have errors of several percent; use a smaller analysis.dt",
-)
-COLLAPSE = UsualRange(
-    "collapse_drift",
-    0.0,
-    0.20,
-    "tests of stories end at 0.03 to 0.15; write a percentage as 10% or 0.1",
-)
-DUCTILITY = UsualRange(
-    "ductility", 0.0, 50.0,
-    "tests of stories end below 20; check the yield force and the units of the record",
-)  # fmt: skip
-PEAK_DRIFT = UsualRange(
-    "peak drift ratio",
-    0.0,
-    0.2,
-    "tests of stories end at 0.03 to 0.15; check the units of the load, the stiffness and the "
-    "initial displacement",
-)
-RESIDUAL_DRIFT = UsualRange(
-    "peak drift ratio at the end of the run",
-    0.0,
-    0.03,
-    "the story drifts away and does not come back; check P-delta, the strength and the baseline of "
-    "the record",
-)
-"""The ranges are wide enough for usual buildings and records, and narrow enough to detect a unit
-that is wrong by a factor of 1000."""
 
 
 UNDAMPED = (
@@ -456,7 +246,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     omega, damping = building.first_mode()
     if model.rows:  # rows that are not floors can be any structure
         ratios = {model.rows[0]: damping} if damping > 0.0 else {}
-        return [*unusual(DAMPING, ratios), *peak_warnings(pga), *initial_warnings]
+        return [*unusual(USUAL["damping"], ratios), *peak_warnings(pga), *initial_warnings]
     # Without initial stiffness of a story, period and damping ratio are infinite by intention.
     first_period, damping = (period(omega), damping) if omega else (math.nan, math.nan)
     # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small
@@ -465,9 +255,9 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     period_range = _period_range(building)
     checked_values = (
         (period_range, first_period),
-        (DAMPING, checked_damping),
-        (COLLAPSE, model.collapse_drift),
-        (BUILDING_HEIGHT, _usual_height(building)),
+        (USUAL["damping"], checked_damping),
+        (USUAL["collapse"], model.collapse_drift),
+        (USUAL["building_height"], _usual_height(building)),
     )
     warnings = [
         usual_range.warning(usual_range.text(value))
@@ -484,27 +274,25 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = np.array([yield_strength(story) for story in model.stories])
     # A light mass without a height is an oscillator of a textbook, such as a mass of 1 kg.
-    is_oscillator = np.isnan(building.heights) & (building.mass < FLOOR.low)
+    is_oscillator = np.isnan(building.heights) & (building.mass < USUAL["floor"].low)
     is_isolator = [story.isolator for story in model.stories]
     unusual_strengths = unusual_stories(
-        STRENGTH, np.where(is_oscillator | is_isolator, math.nan, strength / weight)
+        USUAL["strength"], np.where(is_oscillator | is_isolator, math.nan, strength / weight)
     )
     # Check the base shear at yield, because no code requires less than the minimum of its usual
     # range. It is not checked if the first story has no height (an isolator, or a model that is not
     # a building), or if a warning about the strength of the story exists.
-    base_strength_ratio = float(strength[0] / weight[0])
-    is_base_checked = math.isfinite(building.heights[0]) and STRENGTH.contains(base_strength_ratio)
-    if is_base_checked and not BASE_STRENGTH.contains(base_strength_ratio):
-        unusual_strengths.append(BASE_STRENGTH.warning(BASE_STRENGTH.text(base_strength_ratio)))
+    ratio, usual = float(strength[0] / weight[0]), USUAL["base_strength"]
+    is_base_checked = math.isfinite(building.heights[0]) and USUAL["strength"].contains(ratio)
+    if is_base_checked and not usual.contains(ratio):
+        unusual_strengths.append(usual.warning(usual.text(ratio)))
     # Weights as masses make the ratio too small by the same factor as the masses are too large.
-    is_corrected = not BASE_STRENGTH.contains(base_strength_ratio) and BASE_STRENGTH.contains(
-        base_strength_ratio * model.weight_factor
-    )
+    is_corrected = not usual.contains(ratio) and usual.contains(ratio * model.weight_factor)
     if unusual_strengths and is_corrected and not is_period_unusual:
         unusual_strengths[-1] += cause
     return [
         *warnings,
-        *unusual_stories(HEIGHT, building.heights),
+        *unusual_stories(USUAL["height"], building.heights),
         *([] if is_period_unusual and cause else _unusual_floors(building, first_period)),
         *unusual_strengths,
         *_unusual_neighbors(building),
@@ -528,12 +316,12 @@ def _unusual_initial(model: Model) -> list[str]:
     is_length = np.isnan(heights)
     ratios = np.abs(np.diff(displacement, prepend=0.0)) / heights
     return [
-        *unusual_stories(PEAK_DRIFT._replace(name="initial drift ratio"), ratios),
+        *unusual_stories(USUAL["peak_drift"]._replace(name="initial drift ratio"), ratios),
         *unusual(
-            INITIAL_DISPLACEMENT,
+            USUAL["initial_displacement"],
             dict(zip(names, np.where(is_length, displacement, math.nan).tolist(), strict=True)),
         ),
-        *unusual(INITIAL_VELOCITY, dict(zip(names, velocity.tolist(), strict=True))),
+        *unusual(USUAL["initial_velocity"], dict(zip(names, velocity.tolist(), strict=True))),
     ]
 
 
@@ -545,7 +333,7 @@ def _unusual_flexure(model: Model) -> list[str]:
         if story.flexural is not None and story.flexural[1] < math.inf:
             bending, shear = height**2 / (3.0 * story.flexural[0]), 1.0 / story.flexural[1]
             parts[i] = bending / (bending + shear)
-    return unusual_stories(BENDING, parts)
+    return unusual_stories(USUAL["bending"], parts)
 
 
 def _usual_height(building: Building) -> float:
@@ -554,8 +342,8 @@ def _usual_height(building: Building) -> float:
     It is nan if a story has no height or an unusual height: the model may then represent a
     laboratory test or a textbook example, or another warning reports the height.
     """
-    heights = np.delete(building.heights, building.isolators)
-    is_usual = len(heights) > 0 and all(HEIGHT.low <= height <= HEIGHT.high for height in heights)
+    heights, usual = np.delete(building.heights, building.isolators), USUAL["height"]
+    is_usual = len(heights) > 0 and all(usual.low <= height <= usual.high for height in heights)
     return float(heights.sum()) if is_usual else math.nan
 
 
@@ -574,15 +362,15 @@ def period_range(count: int, height: float = math.nan) -> UsualRange:
     else:
         low = min(low, height / _MAX_HEIGHT_PER_PERIOD)
         text, max_height = f"{pluralize(count, 'story')} and {height:.4g} m", height
-    if low > PERIOD.high:  # taller than any building
-        return PERIOD
+    if low > USUAL["period"].high:  # taller than any building
+        return USUAL["period"]
     high = max(
         _MAX_PERIOD_OF_LOW_BUILDINGS, _MAX_PERIOD_AT_GROUND + _MAX_PERIOD_PER_HEIGHT * max_height
     )
-    return PERIOD._replace(
+    return USUAL["period"]._replace(
         name=f"fundamental period of {text}",
-        low=max(PERIOD.low, low),
-        high=min(PERIOD.high, high),
+        low=max(USUAL["period"].low, low),
+        high=min(USUAL["period"].high, high),
         reason="check the units of mass and stiffness",
     )
 
@@ -592,15 +380,15 @@ def _period_range(building: Building) -> UsualRange:
 
     Without heights, the range follows from the number of stories if there are several and their
     floors have usual masses; otherwise the model does not have to be a building, and the range is
-    `PERIOD`. Isolators lengthen the period.
+    `USUAL`, period. Isolators lengthen the period.
     """
     count, height = building.stories - len(building.isolators), _usual_height(building)
     if math.isnan(height):
         has_heights = np.isfinite(building.heights).any()
-        if has_heights or count < 2 or unusual_stories(FLOOR, building.mass):
-            return PERIOD
+        if has_heights or count < 2 or unusual_stories(USUAL["floor"], building.mass):
+            return USUAL["period"]
     usual_range = period_range(count, height)
-    return usual_range._replace(high=PERIOD.high) if building.isolators else usual_range
+    return usual_range._replace(high=USUAL["period"].high) if building.isolators else usual_range
 
 
 def _weights_as_masses(
@@ -615,14 +403,17 @@ def _weights_as_masses(
     corrected_period = period / math.sqrt(factor)
     # Without height and number of stories, the range is too wide for a conclusion. A factor of 1
     # results from kgf, which have the same numbers as kg.
-    is_cause = period_range is not PERIOD and not math.isclose(factor, 1.0, rel_tol=1e-3)
+    is_cause = period_range is not USUAL["period"] and not math.isclose(factor, 1.0, rel_tol=1e-3)
     if not is_cause or not period_range.contains(corrected_period):
         return ""
     corrected_mass = building.mass / factor
     base_strength_ratio = yield_strength(model.stories[0]) / (
         STANDARD_GRAVITY * float(corrected_mass.sum())
     )
-    if unusual_stories(FLOOR, corrected_mass) or base_strength_ratio > BASE_STRENGTH.high:
+    if (
+        unusual_stories(USUAL["floor"], corrected_mass)
+        or base_strength_ratio > USUAL["base_strength"].high
+    ):
         return ""
     size = (
         f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
@@ -646,18 +437,20 @@ def _unusual_floors(building: Building, period: float) -> list[str]:
     `period` is the first natural period, s. If it is unusual for any building, another warning
     reports this, and the floors are not checked.
     """
-    if not PERIOD.contains(period):
+    if not USUAL["period"].contains(period):
         return []
     # A floor of a matrix can have no mass.
-    has_usual_height = (building.heights >= HEIGHT.low) & (building.mass > 0.0)
-    if warnings := unusual_stories(FLOOR, np.where(has_usual_height, building.mass, math.nan)):
+    has_usual_height = (building.heights >= USUAL["height"].low) & (building.mass > 0.0)
+    if warnings := unusual_stories(
+        USUAL["floor"], np.where(has_usual_height, building.mass, math.nan)
+    ):
         return warnings
     height = _usual_height(building)
     if math.isnan(height):
         return []
-    low = max(MASS_PER_HEIGHT.low, _MIN_TOWER_MASS * height**2)
+    low = max(USUAL["mass_per_height"].low, _MIN_TOWER_MASS * height**2)
     return unusual_stories(
-        MASS_PER_HEIGHT._replace(low=low),
+        USUAL["mass_per_height"]._replace(low=low),
         np.where(has_usual_height, building.mass / building.heights, math.nan),
     )
 
@@ -667,14 +460,14 @@ def _unusual_neighbors(building: Building) -> list[str]:
 
     Isolators and stories without a height are not compared.
     """
-    is_compared = building.heights >= HEIGHT.low
+    is_compared = building.heights >= USUAL["height"].low
     stiffness = np.where(is_compared, building.story_laws[rows.STIFFNESS], 0.0).tolist()
     ratios = {
         f"stories {number} and {number + 1}": max(pair) / min(pair)
         for number, pair in enumerate(pairwise(stiffness), start=1)
         if min(pair) > 0.0
     }
-    return unusual(STIFFNESS_RATIO, ratios)
+    return unusual(USUAL["stiffness_ratio"], ratios)
 
 
 def _unusual_drifts(model: Model, building: Building) -> list[str]:
@@ -691,12 +484,12 @@ def _unusual_drifts(model: Model, building: Building) -> list[str]:
                 elif name.startswith("deterioration.") and "plastic_drift" in values:
                     ratio = value / values["plastic_drift"]
                     # The unusual one of several lengths is reported.
-                    if math.isnan(deterioration[i]) or not DETERIORATION.contains(ratio):
+                    if math.isnan(deterioration[i]) or not USUAL["deterioration"].contains(ratio):
                         deterioration[i] = ratio
     return [
-        *unusual_stories(YIELD_DRIFT, building.yield_drift / building.heights),
-        *unusual_stories(ULTIMATE_DRIFT, ultimate_drift / building.heights),
-        *unusual_stories(DETERIORATION, deterioration),
+        *unusual_stories(USUAL["yield_drift"], building.yield_drift / building.heights),
+        *unusual_stories(USUAL["ultimate_drift"], ultimate_drift / building.heights),
+        *unusual_stories(USUAL["deterioration"], deterioration),
     ]
 
 
@@ -707,8 +500,7 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
     (rad/s), or of an isolator with the frequency of the rigid building on it. `damping` is the
     damping ratio of the first mode.
     """
-    ranges = (DAMPER, BRACE, ANGLE, ISOLATOR_STRENGTH, ISOLATOR_PERIOD, GAP, WIDE_GAP, ELEMENT)
-    values = {usual_range: np.full(building.stories, math.nan) for usual_range in ranges}
+    values = {name: np.full(building.stories, math.nan) for name in USUAL}
     weight_above = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     for i, story in enumerate(model.stories):
         stiffness, rate_of_drift = story.stiffness, omega
@@ -718,37 +510,37 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
                 stiffness = after_yield
             rate_of_drift = math.sqrt(stiffness * STANDARD_GRAVITY / weight_above[i])
             strength = yield_strength(story)
-            values[ISOLATOR_STRENGTH][i] = strength / weight_above[i]
+            values["isolator_strength"][i] = strength / weight_above[i]
             if strength == strength:  # not nan
-                values[ISOLATOR_PERIOD][i] = period(rate_of_drift)
+                values["isolator_period"][i] = period(rate_of_drift)
         height = story.drift_height or math.nan
         drift = _ISOLATOR_DRIFT if story.isolator else _REFERENCE_DRIFT * height
         coefficient = _linear_coefficient(story, rate_of_drift * drift)
         # The frequency of a building on isolators is not that of the dampers above them. Linear
         # dashpots without effect are the cause of an unusual damping ratio, which is reported.
-        is_reported = not story.power_dashpot and damping < DAMPING.low
+        is_reported = not story.power_dashpot and damping < USUAL["damping"].low
         is_compared = bool(building.isolators) == story.isolator and not is_reported
         if coefficient > 0.0 and stiffness > 0.0 and is_compared:
-            values[DAMPER][i] = coefficient * rate_of_drift / (2.0 * stiffness)
+            values["damper"][i] = coefficient * rate_of_drift / (2.0 * stiffness)
         if story.power_dashpot and story.power_dashpot.brace:
             brace = story.power_dashpot.brace * story.damper_factor**2
-            values[BRACE][i] = 1.0 / math.hypot(1.0, coefficient * rate_of_drift / brace)
+            values["brace"][i] = 1.0 / math.hypot(1.0, coefficient * rate_of_drift / brace)
         for factor in (story.damper_factor, *(element.factor for element in story.elements)):
             angle = math.degrees(math.acos(factor)) if factor < 1.0 else math.nan
-            if not ANGLE.contains(angle):
-                values[ANGLE][i] = angle
+            if not USUAL["angle"].contains(angle):
+                values["angle"][i] = angle
         for spring in story.springs:
             # A gap is the only parameter with the name of its law.
             gap = spring.law.values.get(spring.law.name, math.nan)
-            values[GAP][i] = gap if math.isnan(height) else math.nan
-            values[WIDE_GAP][i] = gap / height
+            values["gap"][i] = gap if math.isnan(height) else math.nan
+            values["wide_gap"][i] = gap / height
             stiffest = spring.law.values.get("stop_stiffness", spring.stiffness)
-            if story.elements and 0.0 < stiffest < ELEMENT.low * story.stiffness:
-                values[ELEMENT][i] = stiffest / story.stiffness
+            if story.elements and 0.0 < stiffest < USUAL["element"].low * story.stiffness:
+                values["element"][i] = stiffest / story.stiffness
     return [
         warning
-        for usual_range, values_of_stories in values.items()
-        for warning in unusual_stories(usual_range, values_of_stories)
+        for name, values_of_stories in values.items()
+        for warning in unusual_stories(USUAL[name], values_of_stories)
     ]
 
 
@@ -782,10 +574,10 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
             if not ends:
                 dampers[link.name] = link.spring.dashpot * omega / (2.0 * stiffness) or math.nan
     return [
-        *unusual(ATTACHED_MASS, masses),
-        *unusual(ATTACHED_PERIOD, periods),
-        *unusual(DAMPER, dampers),
-        *unusual(LINK, shares),
+        *unusual(USUAL["attached_mass"], masses),
+        *unusual(USUAL["attached_period"], periods),
+        *unusual(USUAL["damper"], dampers),
+        *unusual(USUAL["link"], shares),
     ]
 
 
@@ -807,7 +599,7 @@ def _unusual_drift_ratios(model: Model) -> list[str]:
     if model.damage and DEMANDS[model.damage.demand].unit == "1":
         names = [f"damage.thresholds.{state}" for state in model.damage.states]
         ratios |= dict(zip(names, model.damage.medians, strict=True))
-    return unusual(COLLAPSE._replace(name="drift ratio"), ratios)
+    return unusual(USUAL["collapse"]._replace(name="drift ratio"), ratios)
 
 
 def _linear_coefficient(story: Story, rate: float) -> float:
@@ -823,7 +615,7 @@ def _linear_coefficient(story: Story, rate: float) -> float:
 _MIN_SAMPLES = 7.0
 """Minimum number of time steps in the fundamental period if the time step is at most the sampling
 interval of the record. The default method has errors of 0.05 to 0.3 % with 8 steps and of up to 3 %
-with 6 steps. With several samples per step, errors are 10 % or more with 10 steps, so `STEP`
+with 6 steps. With several samples per step, errors are 10 % or more with 10 steps, so this limit
 applies."""
 
 
@@ -843,14 +635,15 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
         The warning; empty if the time step is short enough, or unknown.
     """
     first_period = period(building.first_mode()[0])
-    step = dt or interval
-    if step is None or STEP.contains(first_period / step):
+    step, usual_steps = dt or interval, USUAL["step"]
+    if step is None or usual_steps.contains(first_period / step):
         return []
     if interval is not None and step <= interval and first_period / step >= _MIN_SAMPLES:
         return []
     return [
-        f"the time step {step:.4g} s is long: {STEP.text(first_period / step)} steps in the "
-        f"fundamental period; use at least {STEP.text(STEP.low)} ({STEP.reason})"
+        f"the time step {step:.4g} s is long: {usual_steps.text(first_period / step)} steps in the "
+        f"fundamental period; use at least {usual_steps.text(usual_steps.low)} "
+        f"({usual_steps.reason})"
     ]
 
 

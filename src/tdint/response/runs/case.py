@@ -26,9 +26,7 @@ from tdint.model.building import Building, stiffens
 from tdint.model.definition import Model
 from tdint.model.model_notes import model_notes
 from tdint.model.plausibility import (
-    DUCTILITY,
-    PEAK_DRIFT,
-    RESIDUAL_DRIFT,
+    USUAL,
     long_step,
     negative_damping,
     plausibility_warnings,
@@ -695,10 +693,10 @@ class Case(Described):
         drifts_away = abs(stories.residual_drift) > _END_AT_PEAK * stories.peak_drift
         return [
             *unusual_stories(
-                DUCTILITY, np.where(np.isfinite(heights), stories.ductility, math.nan)
+                USUAL["ductility"], np.where(np.isfinite(heights), stories.ductility, math.nan)
             ),
-            *unusual_stories(PEAK_DRIFT, drift_ratio),
-            *unusual_stories(RESIDUAL_DRIFT, np.where(drifts_away, drift_ratio, math.nan)),
+            *unusual_stories(USUAL["peak_drift"], drift_ratio),
+            *unusual_stories(USUAL["residual_drift"], np.where(drifts_away, drift_ratio, math.nan)),
         ]
 
     @property

@@ -47,7 +47,7 @@ from tdint.model.mdof_lu import (
     DerivedBuilding,
     Scatter,
 )
-from tdint.model.plausibility import HEIGHT, ULTIMATE_DRIFT, YIELD_DRIFT, period_range
+from tdint.model.plausibility import USUAL, period_range
 from tdint.model.story import Story
 from tdint.model.story_laws import LAWS
 from tdint.studies.regions.exposure import TAXONOMY, read_mapping, stream_exposure
@@ -882,13 +882,13 @@ def _questions(row: InventoryRow, properties: Callable[..., _Properties]) -> Seq
     period, height, yield_drift, ultimate_drift = properties(replace(facts, height=None))
     if facts.height is not None:
         height = facts.height / facts.stories
-    if not HEIGHT.contains(height):
-        return [("height", HEIGHT.warning(HEIGHT.text(height)))]
+    if not USUAL["height"].contains(height):
+        return [("height", USUAL["height"].warning(USUAL["height"].text(height)))]
     usual_period = period_range(facts.stories, facts.stories * height)
     checked = (
         ("NumberOfStories", usual_period, period),
-        ("NumberOfStories", YIELD_DRIFT, yield_drift / height),
-        ("NumberOfStories", ULTIMATE_DRIFT, ultimate_drift / height),
+        ("NumberOfStories", USUAL["yield_drift"], yield_drift / height),
+        ("NumberOfStories", USUAL["ultimate_drift"], ultimate_drift / height),
     )
     return [
         (name, usual_range.warning(usual_range.text(value)))
