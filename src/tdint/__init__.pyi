@@ -52,13 +52,16 @@ from tdint.response.runs.outcome import EventResponse as EventResponse
 from tdint.response.runs.outcome import FailedRun as FailedRun
 from tdint.response.runs.outcome import Gradient as Gradient
 from tdint.response.runs.outcome import Response as Response
+from tdint.response.runs.outcome import ResponseWithHistory as ResponseWithHistory
 from tdint.response.runs.outcome import StoryErrors as StoryErrors
 from tdint.response.runs.outcome import StoryPeaks as StoryPeaks
 from tdint.response.runs.run import prepare as prepare
 from tdint.response.runs.run import run as run
 from tdint.response.runs.run import run_case as run_case
 from tdint.response.runs.run_many import run_many as run_many
+from tdint.response.runs.run_state import RunState as RunState
 from tdint.response.runs.sequence import run_sequence as run_sequence
+from tdint.response.runs.stepper import Stepper as Stepper
 from tdint.response.spectra.drift import DriftSpectrum as DriftSpectrum
 from tdint.response.spectra.drift import HeightPeriod as HeightPeriod
 from tdint.response.spectra.drift import drift_spectrum as drift_spectrum

@@ -203,6 +203,16 @@ def test_matrices_tune_an_absorber_and_design_a_controller_and_an_observer(check
     assert after < 0.3 * before and controlled > 2.0 * free and observed > 0.5
 
 
+def test_a_stepper_controls_a_building(checkout):
+    """The control force reduces the displacement; free vibration starts at the end of the run."""
+    _, run = checkout
+    output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("stepper")]))
+    free, controlled = map(float, re.findall(r"displacement (\d+\.\d+) mm", output))
+    assert 5.0 < controlled < 0.8 * free
+    start, end = map(float, re.findall(r"(\d+\.\d+) s", output))
+    assert start >= 10.0 and end == pytest.approx(start + 20.0, abs=0.02)
+
+
 @pytest.mark.slow
 def test_a_fit_by_derivatives(checkout):
     """Ten stiffnesses are estimated within four standard errors. The number of calls is smaller

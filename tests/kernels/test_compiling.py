@@ -368,7 +368,7 @@ def test_unused_objects_are_removed(cache):
     assert [part.exists() for part in parts] == [False, True]
 
 
-def add(table, numbers, factor, row):
+def add(factor, row, table, numbers):
     for i in range(numbers.size):
         table[row, i] += factor * numbers[i]
     return table.shape[1]
@@ -376,20 +376,20 @@ def add(table, numbers, factor, row):
 
 @pytest.mark.long
 def test_loaded_kernel_accepts_numbers_and_arrays():
-    signature = I8(TABLE, VECTOR, F8, I8)
+    signature = I8(F8, I8, TABLE, VECTOR)
     (code,), symbol = objects_of(add, signature, [native()])
     kernel = Loaded(code, symbol, signature)
     table, numbers = np.ones((2, 4)), np.arange(3.0)
-    assert kernel(table, numbers, 2.0, 1) == 4
+    assert kernel(2.0, 1, table, numbers) == 4
     assert table.tolist() == [[1.0] * 4, [1.0, 3.0, 5.0, 1.0]]
-    # The bound function keeps the array alive and calls with its present values.
-    bound = bind(kernel, numbers.copy(), 3.0, 0)
-    assert (bound(table), bound(table)) == (4, 4)
+    # The bound function keeps the arrays alive and calls with their present values.
+    bound = bind(kernel, table, numbers.copy())
+    assert (bound(3.0, 0), bound(3.0, np.int64(0))) == (4, 4)
     assert table.tolist() == [[1.0, 7.0, 13.0, 1.0], [1.0, 3.0, 5.0, 1.0]]
-    assert bind(add, numbers, 2.0, 0)(table) == 4  # a Python function
+    assert bind(add, table, numbers)(2.0, 0) == 4  # a Python function
     assert table[0].tolist() == [1.0, 9.0, 17.0, 1.0]
     with pytest.raises(ValueError, match="argument"):
-        bound(table, numbers)
+        bound(3.0, 0, table)
     read_only = np.ones(3)
     read_only.flags.writeable = False
     for wrong, cause in (
@@ -399,8 +399,8 @@ def test_loaded_kernel_accepts_numbers_and_arrays():
         (read_only, "got a read-only array"),
         (np.ones(3, dtype=np.float32), "array of float32"),
     ):
-        with pytest.raises(TypeError, match=rf"^argument 2 must .* float64 in C order .*{cause}"):
-            kernel(table, wrong, 2.0, 1)
+        with pytest.raises(TypeError, match=rf"^argument 4 must .* float64 in C order .*{cause}"):
+            kernel(2.0, 1, table, wrong)
 
 
 def test_allocating_kernel_is_refused():

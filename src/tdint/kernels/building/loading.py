@@ -141,6 +141,7 @@ class Loaded:
         if not self.address:
             raise ValueError(f"the object file contains no function {symbol}")
         result_type: Any = _NUMBERS[signature.returns.name][0]
+        self._arguments = signature.arguments
         self._converters = _converters(signature.arguments)
         self._result_type = result_type
         # In the calling convention of numba, the result is an error code (0 without an error). The
@@ -172,22 +173,38 @@ class Loaded:
         return result.value
 
     def bind(self, *last: Any) -> Callable[..., Any]:
-        """Return a function of the first arguments that calls the kernel with the constant last
-        arguments `last`.
+        """Return a function of the first arguments, which are numbers, that calls the kernel with
+        the constant last arguments `last`.
 
-        The last arguments are converted to C types only one time. The conversion is most of the
-        time of a call.
+        The last arguments are converted to C arguments only one time, and the first arguments are
+        written to the same C numbers in each call: the conversion is most of the time of a call.
         """
         first_count = len(self._converters) - len(last)
-        constant = _c_values(self._converters[first_count:], last)
-        # Without argument types, C values are passed unchanged.
+        flat: list[Any] = []
+        for (_, convert), argument in zip(self._converters[first_count:], last, strict=True):
+            convert(argument, flat)
+        last_types = [c_type for types, _ in self._converters[first_count:] for c_type in types]
+        numbers: list[Any] = []
+        for argument in self._arguments[:first_count]:
+            assert isinstance(argument, Scalar)
+            c_type, python_type = _NUMBERS[argument.name]
+            numbers.append((c_type(), python_type))
+        result, exception = self._result_type(), ctypes.c_void_p()
+        # Results of `from_param` are passed unchanged, and faster than C numbers.
+        arguments = (
+            ctypes.byref(result),
+            ctypes.byref(exception),
+            *(number for number, _ in numbers),
+            *(c_type.from_param(part) for c_type, part in zip(last_types, flat, strict=True)),
+        )
+        # Without argument types, C arguments are passed unchanged.
         function = ctypes.CFUNCTYPE(ctypes.c_int32)(self.address)
 
         def call(*first: Any) -> Any:
             """Call the kernel with its first arguments."""
-            result, exception = self._result_type(), ctypes.c_void_p()
-            values = _c_values(self._converters[:first_count], first)
-            if function(ctypes.byref(result), ctypes.byref(exception), *values, *constant):
+            for (number, convert), value in zip(numbers, first, strict=True):
+                number.value = convert(value)
+            if function(*arguments):
                 raise RuntimeError("a kernel raised an exception")
             return result.value
 
@@ -196,15 +213,6 @@ class Loaded:
 
 
 _Converter = tuple[list[Any], Callable[[Any, list[Any]], None]]
-
-
-def _c_values(converters: Sequence[_Converter], arguments: Sequence[Any]) -> list[Any]:
-    """Return the parts of arguments as C values."""
-    flat: list[Any] = []
-    for (_, convert), argument in zip(converters, arguments, strict=True):
-        convert(argument, flat)
-    types = [c_type for types, _ in converters for c_type in types]
-    return [c_type(part) for c_type, part in zip(types, flat, strict=True)]
 
 
 def _converters(arguments: Sequence[Argument]) -> list[_Converter]:

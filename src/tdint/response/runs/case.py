@@ -62,6 +62,7 @@ from tdint.response.runs.prepared import (
     RunSpec,
     element_results,
 )
+from tdint.response.runs.run_state import RunState
 from tdint.response.time_steps import Steps, choose_steps, moves_without_record, record_steps
 from tdint.tabular import Described
 
@@ -273,7 +274,9 @@ class Case(Described):
             A value is not a positive number, the time step does not fit the record, or there is no
             ground motion and the model has no other load, time step or duration.
         """
-        dt = self.model.analysis.dt if dt is None else dt
+        state = self.prepared.initial
+        preferred = state.dt if state else self.model.analysis.dt
+        dt = preferred if dt is None else dt
         duration = self.model.analysis.duration if duration is None else duration
         for name, value in (("dt", dt), ("duration", duration)):
             if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -281,7 +284,7 @@ class Case(Described):
         record = self.record
         if (
             record is None
-            and not moves_without_record(self.model)
+            and not (state or moves_without_record(self.model))
             and (dt is None or duration is None)
         ):
             raise UsageError(
@@ -297,7 +300,12 @@ class Case(Described):
         steps = choose_steps(
             dt, duration, record.dt if record else None, record.duration if record else 0.0
         )
-        return replace(steps, note=note)
+        if state and not math.isclose(steps.h, state.dt, rel_tol=1e-9):
+            raise UsageError(
+                f"initial is the state of a run with dt {state.dt:.6g} s, and cannot be continued "
+                f"with dt {steps.h:.6g} s; omit dt"
+            )
+        return replace(steps, h=state.dt if state else steps.h, note=note)
 
     def integrate(self, steps: Steps, history: bool = False) -> Response:
         """Integrate over the time steps, and return the response or raise the reason of a failure.
@@ -321,14 +329,15 @@ class Case(Described):
             converge.
         """
         if not self.allow_unstable:
-            self._require_stability(steps.h)
+            self.require_stability(steps.h)
         result = self._integrate(steps, history)
         collapse = self.recorded_collapse(steps, result.code, result.space.totals)
         if result.code < 0:
             if collapse is None:
-                raise self._failure(steps, result.space, result.code)
+                raise self.failure(steps, result.space, result.code)
             # The run failed after a collapse. Repeat it up to the collapse, which is its result.
-            steps = replace(steps, count=round(collapse.time / steps.h), continues=False)
+            count = round(collapse.time / steps.h) - self.prepared.completed
+            steps = replace(steps, count=count, continues=False)
             result = self._integrate(steps, history)
         elif history and result.completed > steps.count:
             # The history in memory includes the motion after the record.
@@ -349,7 +358,7 @@ class Case(Described):
         has_diverged = not (-error < _RUNAWAY if is_collapse else abs(error) < _WRONG_BALANCE)
         return has_diverged and not self.allow_unstable
 
-    def _require_stability(self, h: float) -> None:
+    def require_stability(self, h: float) -> None:
         """Raise FailedRun if the time step h (s) is above the stability limit of the method for a
         mode of the building in its initial state.
         """
@@ -391,6 +400,11 @@ class Case(Described):
         History
             Next chunk; together the chunks cover the run in order.
         """
+        if self.prepared.initial and every > 1:
+            # The time loop counts the steps between rows from the start of the first run.
+            first, *others = self.history_chunks(steps, max_input_energy)
+            yield first.joined([first, *others]).every(every)
+            return
         for space in self.prepared.integrate_in_chunks(
             self.method, steps, self.ground, every=every
         ):
@@ -411,7 +425,7 @@ class Case(Described):
             self.method, steps, self.ground, history_rows=steps.count if history else 0
         )
 
-    def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
+    def failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
         """Return the exception for a run that failed in a time step with `code`: NOT_FINITE means
         divergence, any other code that the equilibrium iteration did not converge."""
         if code == rows.NOT_FINITE:
@@ -497,7 +511,7 @@ class Case(Described):
         story, failed = int(totals[rows.COLLAPSE_STORY]) + 1, bool(totals[rows.COLLAPSE_FAILED])
         energy = named_energies(totals[rows.COLLAPSE_ENERGIES :])
         time, produced = collapse_step * steps.h, -energy.error
-        is_physical = produced < _PRODUCED_BY_METHOD and collapse_step > 0
+        is_physical = produced < _PRODUCED_BY_METHOD and collapse_step > self.prepared.completed
         # A collapse at step 0 is due to the initial drifts. It is reported only for a run that
         # reached its end (code 0). The result of a failed run with a collapse would be a repeated
         # run up to the step of the collapse, and a run of 0 steps has no result.
@@ -653,6 +667,7 @@ class Case(Described):
                 energy.reference,
             ),
             record_rows=record_steps(steps, self.record.duration if self.record else None) + 1,
+            final_state=self.state(space, steps.h, result.completed, result.ground),
             notes=(),
             interstep_bound=bound,
             devices=devices,
@@ -667,6 +682,19 @@ class Case(Described):
             notes=self._notes(response, steps, oscillation),
             warnings=(*warnings, *self._resolution_warnings(response)),
             growth=growth,
+        )
+
+    def state(self, space: Workspace, h: float, completed: int, ground: float) -> RunState:
+        """Return the state after a number of completed time steps of length h (s), under the ground
+        acceleration `ground` (m/s^2)."""
+        return RunState(
+            h,
+            self.prepared.completed + completed,
+            ground,
+            self.method,
+            self.building,
+            self.prepared.loads,
+            replace(space, history=space.history[:0].copy()),
         )
 
     def _resolution_warnings(self, response: Response) -> list[str]:
@@ -746,7 +774,8 @@ class Case(Described):
             # Imported here, because few models have tables of forces.
             from tdint.response.runs.load_notes import table_notes
 
-            notes += table_notes(self.model.excitation.tables, end)
+            before = self.prepared.completed * response.dt
+            notes += table_notes(self.model.excitation.tables, before + end)
         notes += self._stiffening_note()
         if response.substeps:
             notes.append(

@@ -624,7 +624,8 @@ def run_until_rest(case: Case, steps: Steps, run: Callable[[float], Response]) -
     steps, is_at_rest = extend_to_rest(case, steps)
     response = run(steps.count * steps.h)
     if is_at_rest:
-        response = replace(response, time_at_rest=response.steps * response.dt)
+        steps_at_rest = case.prepared.completed + response.steps
+        response = replace(response, time_at_rest=steps_at_rest * response.dt)
     if response.check is None:
         return response
     amplitude = _remaining_motion(case, response)

@@ -392,7 +392,8 @@ class LinearLoop:
         space.law_state[rows.SLOPE, :count] = stiffness
         if len(self.history):
             numbers = np.arange(start, end + 1)
-            kept = (numbers % space.steps_per_row == 0) & ((numbers > start) | (start == 0))
+            is_new = (numbers > start) | (numbers == space.rows_before * space.steps_per_row)
+            kept = (numbers % space.steps_per_row == 0) & is_new
             points = per_step * np.flatnonzero(kept)
             displacement, velocity, acceleration = (
                 grid.derivative(order)[points] @ self.shapes.T for order in range(3)

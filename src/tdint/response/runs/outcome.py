@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tdint.response.runs.energy import Energy
     from tdint.response.runs.flexure import FlexurePeaks
     from tdint.response.runs.history import History
+    from tdint.response.runs.run_state import RunState
 
 
 def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
@@ -516,6 +517,8 @@ class Response(Tabular):
         Moments, rotations and parts of the drifts of flexural stories; None for other stories.
     elements : ElementPeaks | None
         Results of the elements of stories with several elements; None without such stories.
+    final_state : RunState
+        State at the end of the run, from which `run(..., initial=response.final_state)` continues.
     """
 
     model: "Model"
@@ -534,6 +537,7 @@ class Response(Tabular):
     notes: tuple[str, ...]
     interstep_bound: StoryErrors
     residual_oscillation: Array
+    final_state: "RunState" = field(compare=False)
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
     time_at_rest: float | None = None
@@ -629,6 +633,17 @@ DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
 UNSTABLE, NO_STEP = "unstable-step", "not-within-tolerance"
 FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP)
 """Status values of runs without a result."""
+
+
+if TYPE_CHECKING:
+
+    class ResponseWithHistory(Response):
+        """Result of a run with `history=True`."""
+
+        history: History
+
+else:
+    ResponseWithHistory = Response  # only type checkers distinguish both
 
 
 @dataclass(eq=False, repr=False)

@@ -25,6 +25,7 @@ from tdint.kernels.building.load_or_compile import (
 )
 from tdint.kernels.laws import OURS
 from tdint.kernels.stepping import Scene
+from tdint.kernels.time_loop.ground import ground_at
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import (
@@ -43,6 +44,7 @@ from tdint.response.runs.compiled_steps import (
     kernels,
     unsupported_reason,
 )
+from tdint.response.runs.run_state import RunState, copy_of, restart, restore, store_first_row
 from tdint.response.time_steps import Steps
 
 if TYPE_CHECKING:
@@ -89,6 +91,8 @@ class IntegrationResult(NamedTuple):
         0, or the negative code of the step that failed.
     seconds, wall : float
         Duration of the time loop, s, by `tdint.system.clock` and by the wall clock.
+    ground : float
+        Ground acceleration after the last step, m/s^2.
     """
 
     space: Workspace
@@ -96,6 +100,7 @@ class IntegrationResult(NamedTuple):
     code: int
     seconds: float
     wall: float
+    ground: float
 
 
 class RunSpec(NamedTuple):
@@ -307,6 +312,9 @@ class PreparedBuilding:
         story.
     points : ndarray
         Points of the tables in `forces`, which all runs share; empty by default.
+    initial : RunState or None
+        State at the end of another run from which all runs continue. Numbers of steps are those of
+        the runs from this state; times include the time before.
     """
 
     building: Building
@@ -315,6 +323,7 @@ class PreparedBuilding:
     velocity: Array | float = 0.0
     collapse_drift: float = math.inf
     points: Array = field(default_factory=lambda: np.zeros(0))
+    initial: RunState | None = None
     _coefficients: dict[tuple[str, bool, float], Array] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -341,6 +350,43 @@ class PreparedBuilding:
             model.collapse_drift,
             points,
         )
+
+    def continued_from(self, state: RunState, integrator: Integrator) -> PreparedBuilding:
+        """Return the building with runs that start from the state at the end of another run.
+
+        Raises
+        ------
+        UsageError
+            The state belongs to another building or method.
+        """
+        state.require_same(self.building, self.forces, integrator)
+        if state.steps:
+            return replace(self, initial=state)
+        displacement, velocity = state.space.state[: rows.VELOCITY + 1, :-1]
+        return replace(self, displacement=displacement, velocity=velocity)
+
+    @property
+    def completed(self) -> int:
+        """Number of time steps before the start of the runs."""
+        return self.initial.steps if self.initial else 0
+
+    def _from_first_run(self, ground: Array, steps: Steps) -> tuple[Array, Steps]:
+        """Return a ground motion and its time steps with samples of zero for the steps before the
+        start of the runs.
+
+        The time loop counts steps, and therefore samples, from the start of the first run. The
+        ground acceleration of the state replaces the first sample, so that it is continuous.
+        """
+        if self.initial is None:
+            return ground, steps
+        ground = np.append(self.initial.ground_acceleration, ground[1:])
+        samples, part = divmod(self.completed * steps.stride, steps.per_sample)
+        if part:  # the start is between two samples: one sample per step
+            samples = self.completed
+            position = np.arange(ground.size * steps.per_sample) / steps.per_sample
+            ground = np.interp(position, np.arange(ground.size + 1), np.append(ground, 0.0))
+            steps = replace(steps, per_sample=1)
+        return np.append(np.zeros(samples), ground), steps
 
     @cached_property
     def variant(self) -> Variant:
@@ -445,16 +491,18 @@ class PreparedBuilding:
             Number of rows of the history after the row of t = 0. It must divide the number of
             steps: with all steps every step is stored, with 0 no history.
         """
-        space = self._loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
+        ground, steps = self._from_first_run(np.zeros(1) if ground is None else ground, steps)
+        space = self.loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
         space.steps_per_row = steps.count // history_rows if history_rows else 1
-        ground = np.zeros(1) if ground is None else ground
         loop = self.loop(integrator, steps.h, ground, space)
         began, wall = system.seconds(), time.perf_counter()
         code, completed = self._integrate_interruptibly(loop, steps), steps.count
         if code == 0 and steps.continues:
             code, completed = self._continue_while_growing(loop, integrator, steps, ground, space)
         seconds, wall = system.seconds() - began, time.perf_counter() - wall
-        return IntegrationResult(space, completed, code, seconds, wall)
+        last = self.completed + completed
+        at_end = float(ground_at(ground, last, steps.per_sample, steps.stride))
+        return IntegrationResult(space, completed, code, seconds, wall, at_end)
 
     def integrate_in_chunks(
         self, integrator: Integrator, steps: Steps, ground: Array, *, every: int
@@ -472,9 +520,10 @@ class PreparedBuilding:
             The same workspace for each chunk, with a new history array. Its `rows_before` is the
             number of rows of the previous chunks. The chunk of a failure is not yielded.
         """
+        ground, steps = self._from_first_run(ground, steps)
         width = history_width(self.building)
         row_count = max(2, _CHUNK_BYTES // (8 * width))  # 8 bytes for each value
-        space = self._loaded_arrays(integrator, steps.h)
+        space = self.loaded_arrays(integrator, steps.h)
         # The first row of the history is the initial state, before the first step.
         done, total_rows = 0, steps.count // every + 1
         while done < steps.count:
@@ -482,8 +531,10 @@ class PreparedBuilding:
             # step before the first row of the next chunk.
             first_row = done // every + 1 if done else 0
             last = min((first_row + row_count) * every - 1, steps.count)
-            space.steps_per_row, space.rows_before = every, first_row
+            space.steps_per_row, space.rows_before = every, self.completed + first_row
             space.history = np.zeros((min(row_count, total_rows - first_row), width))
+            if self.initial and not done:
+                store_first_row(space, self.initial.ground_acceleration)
             loop = self.loop(integrator, steps.h, ground, space)
             if self._integrate_interruptibly(loop, replace(steps, count=last), done) < 0:
                 return
@@ -508,7 +559,8 @@ class PreparedBuilding:
             Arrays at the end of each part, to be read before the next part is requested. A part
             that fails is not yielded.
         """
-        space = self._loaded_arrays(integrator, steps.h)
+        ground, steps = self._from_first_run(ground, steps)
+        space = self.loaded_arrays(integrator, steps.h)
         loop = self.loop(integrator, steps.h, ground, space)
         for done, last in pairwise(
             (*(first for first in firsts if first < steps.count), steps.count)
@@ -541,20 +593,18 @@ class PreparedBuilding:
             shape (rows, width)), to the end of the continued motion. The next run overwrites these
             rows. By default, histories are not kept.
         """
+        if self.initial:
+            starts = [self._from_first_run(run.ground, run.steps) for run in runs]
+            runs = [RunSpec(a, run.scale, b) for run, (a, b) in zip(runs, starts, strict=True)]
         row_count = max(run.steps.count for run in runs) // every + 1 if on_history else 0
-        space = self._loaded_arrays(integrator, h, row_count)
+        space = self.loaded_arrays(integrator, h, row_count)
         space.steps_per_row = every
-        # Copies of all arrays that a run changes
-        initial = [
-            (array, array.copy())
-            for array in (*space.memory, space.observer_state, space.peaks, space.totals)
-        ]
+        initial = copy_of(space)
         ground = np.zeros(max(run.ground.size for run in runs))
         loop = self.loop(integrator, h, ground, space)
         result, n = BatchResult.empty(len(runs), self.building), self.building.stories
         for i, run in enumerate(runs):
-            for array, initial_values in initial:
-                array[...] = initial_values
+            restore(space, initial)
             np.multiply(run.ground, run.scale, out=ground[: len(run.ground)])
             ground[len(run.ground) :] = 0.0
             # The run is integrated in a single call, because it is short.
@@ -576,12 +626,12 @@ class PreparedBuilding:
             if self.building.branched:
                 result.device_energy[i] = device_energy(self.building, space)
             if on_history:
-                reached = int(space.totals[rows.STEPS_REACHED])
+                reached = int(space.totals[rows.STEPS_REACHED]) - self.completed
                 result.ends[i, STEPS_COMPLETED] = reached
                 kept = space.history[: reached // every + 1]
                 if code == 0 and reached > run.steps.count:
                     # The number of steps is known now: integrate again with all rows.
-                    longer = self._loaded_arrays(integrator, h, reached // every + 1)
+                    longer = self.loaded_arrays(integrator, h, reached // every + 1)
                     longer.steps_per_row = every
                     steps = replace(run.steps, count=reached)
                     self.loop(integrator, h, ground, longer)(steps, 0, reached)
@@ -601,8 +651,7 @@ class PreparedBuilding:
         """
         if self.forces.size or not _may_grow(self.building, space):
             return 0, steps.count
-        changed = (*space.memory, space.observer_state, space.peaks, space.totals)
-        at_end = [array.copy() for array in changed]
+        at_end = copy_of(space)
         if space.history.size:  # a loop without the history
             history, space.history = space.history, space.history[:0]
             loop = self.loop(integrator, steps.h, ground, space)
@@ -626,11 +675,10 @@ class PreparedBuilding:
                 break
         if has_grown:
             return 0, completed
-        for array, values in zip(changed, at_end, strict=True):
-            array[...] = values
+        restore(space, at_end)
         return 0, steps.count
 
-    def _loaded_arrays(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
+    def loaded_arrays(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
         """Check that the method supports the building, load the kernels, and return the arrays of a
         time integration in the initial state.
 
@@ -657,6 +705,16 @@ class PreparedBuilding:
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
         space.state[rows.VELOCITY, :-1] = self.velocity
         space.flags[rows.UNRESOLVED_MODES] = self.building.fastest * h > MAX_RESOLVED_OMEGA_DT
+        if self.initial:
+            restore(space, self.initial.space)
+            restart(space, self.building)
+            if first := integrator.family.step_peaks:
+                space.scratch[first : first + 2 * rows.PEAK_ROWS, : self.building.stories] = (
+                    space.peaks
+                )
+            space.rows_before = self.completed
+            if row_count:
+                store_first_row(space, self.initial.ground_acceleration)
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
@@ -666,13 +724,15 @@ class PreparedBuilding:
         All arguments of the compiled loop except the steps are fixed. The function continues from
         the state of the arrays in `space` at the time of its call, and changes them.
         """
-        building = self.building
+        building, before = self.building, self.completed
         if building.system is not None:
             # Imported here, because few models have matrices.
             from tdint.methods.linear_step import step_coefficients
             from tdint.response.runs.linear_loop import LinearLoop
 
-            return LinearLoop(building, self.loads, h, ground, space, step_coefficients(integrator))
+            coefficients = step_coefficients(integrator)
+            linear = LinearLoop(building, self.loads, h, ground, space, coefficients)
+            return lambda steps, first, last: linear(steps, before + first, before + last)
         fixed = (
             space.steps_per_row,
             space.rows_before,
@@ -710,7 +770,9 @@ class PreparedBuilding:
             use_compiled_kernels()
             if integrate.variant(self.variant) is not function:  # compiled in the meantime
                 function, call = bound()
-            code: int = call(steps.count, first, last, steps.per_sample, steps.stride)
+            code: int = call(
+                before + steps.count, before + first, before + last, steps.per_sample, steps.stride
+            )
             return code
 
         return integrate_steps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypedDict, Unpack, cast, overload
+from typing import Any, Literal, TypedDict, Unpack, cast, overload
 
 import numpy as np
 
@@ -25,22 +25,28 @@ from tdint.response.defaults import NO_METHOD
 from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import run_until_rest, run_with_error_estimate
 from tdint.response.runs.outcome import FailedRun as FailedRun
-from tdint.response.runs.outcome import Response
+from tdint.response.runs.outcome import Response, ResponseWithHistory
 from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.runs.run_state import RunState
 from tdint.response.runs.settings import RunSettings
 from tdint.tabular import ResultList
 
 
-class _Options(TypedDict, total=False):
-    """Arguments of `run` with the same types in all overloads."""
+class _CaseOptions(TypedDict, total=False):
+    """Arguments of `run_case` with the same types in all overloads."""
 
     duration: float | None
-    history: bool
-    allow_unstable: bool
     check: bool | None
     tolerance: float | str | None
     until_rest: bool
+
+
+class _Options(_CaseOptions, total=False):
+    """Arguments of `run` with the same types in all overloads."""
+
+    allow_unstable: bool
     gradient: str | Sequence[str]
+    initial: RunState | None
 
 
 @overload
@@ -50,6 +56,19 @@ def run(
     *,
     method: str | None = None,
     dt: float | None = None,
+    history: Literal[True],
+    **options: Unpack[_Options],
+) -> ResponseWithHistory: ...
+
+
+@overload
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | None = None,
+    dt: float | None = None,
+    history: bool = False,
     **options: Unpack[_Options],
 ) -> Response: ...
 
@@ -61,6 +80,7 @@ def run(
     *,
     method: list[str] | tuple[str, ...],
     dt: float | Numbers | None = None,
+    history: bool = False,
     **options: Unpack[_Options],
 ) -> ResultList[Response]: ...  # Several methods: one response for each method and time step.
 
@@ -72,6 +92,7 @@ def run(
     *,
     method: str | None = None,
     dt: Numbers,
+    history: bool = False,
     **options: Unpack[_Options],
 ) -> ResultList[Response]: ...  # A list or an array of time steps: one response per step.
 
@@ -89,6 +110,7 @@ def run(
     tolerance: float | str | None = None,
     until_rest: bool = False,
     gradient: str | Sequence[str] = (),
+    initial: RunState | None = None,
 ) -> Response | ResultList[Response]:
     """Integrate a model in time.
 
@@ -133,16 +155,25 @@ def run(
         derivative is the difference between two neighboring runs. All neighboring runs are
         integrated in a single batch. An additional set of runs with half the time step estimates
         the errors of the derivatives (`Gradient.errors`), unless `check` is False.
+    initial : RunState, optional
+        State from which the run continues instead of from the initial motion of the model:
+        `Response.final_state` of a run of the same building, or `Stepper.state`. By default, method
+        and time step are those of that run. The first sample of the record is at the time of the
+        state; the ground acceleration of the state replaces it. The response then equals that of an
+        uninterrupted run, bit for bit (with matrices or flexural stories, within rounding), and its
+        times continue. Peaks refer to this run only, energies start at zero, and errors are not
+        estimated.
 
     Returns
     -------
     Response
+        With `history=True`, its history is not None.
 
     Raises
     ------
     UsageError
-        The method is unknown, the time step or the tolerance is invalid, or a parameter of
-        `gradient` does not exist.
+        The method is unknown, the time step or the tolerance is invalid, a parameter of `gradient`
+        does not exist, or `initial` is the state of another building, method or time step.
     ModelError
         The model is invalid.
     RecordError
@@ -158,8 +189,16 @@ def run(
             f"history must be True or False, got {history!r:.60}: run keeps all quantities, and "
             "run_many selected quantities"
         )
-    case = prepare(model, record, method=cast("str | None", method), allow_unstable=allow_unstable)
+    case = prepare(
+        model,
+        record,
+        method=cast("str | None", method),
+        allow_unstable=allow_unstable,
+        initial=initial,
+    )
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
+    if initial and names:
+        raise UsageError("gradient cannot be used with initial; omit one of them")
     response = run_case(
         case,
         dt=cast("float | None", dt),
@@ -183,6 +222,7 @@ def prepare(
     *,
     method: str | None = None,
     allow_unstable: bool = False,
+    initial: RunState | None = None,
 ) -> Case:
     """Assemble a model for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
 
@@ -191,7 +231,7 @@ def prepare(
 
     Parameters
     ----------
-    model, record, method, allow_unstable
+    model, record, method, allow_unstable, initial
         As for `run`.
 
     Returns
@@ -201,17 +241,47 @@ def prepare(
     Raises
     ------
     UsageError
-        The method is unknown.
+        The method is unknown, or `initial` is the state of another building or method.
     ModelError, RecordError
         The model or the record is invalid.
     """
     model = model_of(model)
     specification = method_of(model, method)
-    is_chosen = not (method or model.analysis.method)
-    remarks = (f"{NO_METHOD}; using {specification}",) if is_chosen else ()
-    integrator = parse(specification)
+    is_chosen = not (method or model.analysis.method or initial)
+    remarks = [f"{NO_METHOD}; using {specification}"] if is_chosen else []
+    integrator = initial.method if initial and not method else parse(specification)
     ground = model_record(model) if record is None else record_of(record)
-    return Case(model, PreparedBuilding.of(model), ground, integrator, allow_unstable, remarks)
+    prepared = PreparedBuilding.of(model)
+    if initial:
+        prepared = prepared.continued_from(initial, integrator)
+        remarks += ["no error estimate: the run continues from the state of another run"]
+        first = 0.0 if ground is None else float(ground.acceleration[0])
+        if first != initial.ground_acceleration:
+            remarks.append(
+                f"the ground acceleration starts at {initial.ground_acceleration:.4g} m/s^2, the "
+                f"value of the state, instead of {first:.4g} m/s^2"
+            )
+    return Case(model, prepared, ground, integrator, allow_unstable, tuple(remarks))
+
+
+@overload
+def run_case(
+    case: Case,
+    *,
+    dt: float | None = None,
+    history: Literal[True],
+    **options: Unpack[_CaseOptions],
+) -> ResponseWithHistory: ...
+
+
+@overload
+def run_case(
+    case: Case,
+    *,
+    dt: float | None = None,
+    history: bool = False,
+    **options: Unpack[_CaseOptions],
+) -> Response: ...
 
 
 def run_case(
@@ -244,8 +314,18 @@ def run_case(
     AnalysisError
         As by `run` (`FailedRun`).
     """
+    is_continued = case.prepared.initial is not None
+    for name, value in (("check", check), ("tolerance", tolerance)):
+        if is_continued and value:
+            raise UsageError(
+                f"{name} cannot be used with initial, because the errors of the runs before are "
+                f"unknown; omit {name}"
+            )
     settings = RunSettings(
-        dt=dt, duration=duration, until_rest=until_rest, check=check is not False
+        dt=dt,
+        duration=duration,
+        until_rest=until_rest,
+        check=not (check is False or is_continued),
     )
     return integrate_case(
         case,

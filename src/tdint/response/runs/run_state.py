@@ -1,0 +1,187 @@
+"""State of a time integration between two steps: copy, restoration, and continuation of a run.
+
+The arrays of a workspace that a run changes contain its whole state: the rows of the method, the
+states of laws, dampers and fractures, and the memory of the observer. A run that continues from
+copies of these arrays, with the same number of completed steps, equals an uninterrupted run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdint.arrays import Array, cached_property
+from tdint.errors import UsageError
+from tdint.kernels import layout as rows
+from tdint.kernels.time_loop.observer import store
+from tdint.methods.method import Integrator
+from tdint.methods.workspace import MOMENT, TOTAL_BASE_MOMENT, Workspace, history_width
+from tdint.model.building import Building
+from tdint.tabular import Described
+
+if TYPE_CHECKING:
+    from tdint.response.runs.history import History
+
+_CHANGED = (
+    "state",
+    "law_state",
+    "scratch",
+    "step_status",
+    "observer_state",
+    "peaks",
+    "totals",
+    "forces",
+)
+"""Arrays of a workspace that a run changes, without the history."""
+
+
+def copy_of(space: Workspace) -> Workspace:
+    """Return a workspace with copies of the arrays that a run changes, and without a history."""
+    copies = {name: getattr(space, name).copy() for name in _CHANGED}
+    return replace(space, history=space.history[:0].copy(), rows_before=0, **copies)
+
+
+def restore(space: Workspace, saved: Workspace) -> None:
+    """Set the arrays that a run changes to the values of a copy."""
+    for name in _CHANGED:
+        getattr(space, name)[...] = getattr(saved, name)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunState(Described):
+    """State of a building between two steps of a time integration: `Response.final_state`,
+    `Stepper.state`.
+
+    `run(model, record, initial=state)` continues from the state. All values refer to the time
+    `time`; the arrays have an element for each floor or story, in SI units.
+
+    Attributes
+    ----------
+    dt : float
+        Time step, s.
+    steps : int
+        Number of completed time steps.
+    ground_acceleration : float
+        Ground acceleration, m/s^2.
+    method : Integrator
+        Method of the time integration.
+    building : Building
+        Building as arrays.
+    loads : tuple of ndarray
+        Forces on floors and points of their tables (`load_arrays`).
+    space : Workspace
+        Arrays of the time integration.
+    """
+
+    dt: float
+    steps: int
+    ground_acceleration: float
+    method: Integrator
+    building: Building
+    loads: tuple[Array, Array]
+    space: Workspace
+
+    def _headline(self) -> str:
+        return f"of {self.building.floors} floors at {self.time:.6g} s, {self.method.label}"
+
+    @property
+    def time(self) -> float:
+        """Time since the start of the first run, s."""
+        return self.steps * self.dt
+
+    @property
+    def displacement(self) -> Array:
+        """Displacements of the floors relative to the ground, m."""
+        return self.space.state[rows.DISPLACEMENT, : self.building.floors].copy()
+
+    @property
+    def velocity(self) -> Array:
+        """Velocities of the floors relative to the ground, m/s."""
+        return self.space.state[rows.VELOCITY, : self.building.floors].copy()
+
+    @cached_property
+    def history(self) -> History:
+        """All quantities, also of attachments and links, as a history with a single row."""
+        from tdint.response.runs.history import named_history  # not needed by most runs
+
+        space = replace(self.space, history=np.zeros((1, history_width(self.building))))
+        space.rows_before = self.steps
+        store_first_row(space, self.ground_acceleration)
+        return named_history(self.building, self.loads, space, self.dt)
+
+    def require_same(self, building: Building, forces: Array, method: Integrator) -> None:
+        """Raise UsageError if a building, its forces or a method differ from those of the state."""
+        own, system, other = self.building, self.building.system, building.system
+        pairs = [
+            (own.linear_terms, building.linear_terms),
+            (own.law_parameters, building.law_parameters),
+            (own.modal, building.modal),
+            (self.loads[0], forces),
+        ]
+        is_same = (system is None) == (other is None)
+        if system is not None and other is not None:
+            pairs += [(getattr(system, name), getattr(other, name)) for name in _MATRICES]
+        if not (is_same and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)):
+            raise UsageError(
+                "initial is the state of another building: stories, attachments, links, damping "
+                "and forces must be those of the run that ended in this state"
+            )
+        if method != self.method:
+            raise UsageError(
+                f"initial is the state of a run by {self.method.label}, and cannot be continued by "
+                f"{method.label}; omit the method, or start from displacements and velocities "
+                "(`initial` in the model)"
+            )
+
+
+_MATRICES = ("mass", "stiffness", "damping")
+
+
+def store_first_row(space: Workspace, ground: float) -> None:
+    """Write the state to the first row of the history, under the ground acceleration (m/s^2)."""
+    # The accelerations are in equilibrium with STATE_GROUND, the end of the line over the last
+    # step.
+    store(ground, space.step_status[rows.STATE_GROUND], space.memory, space.seen, 0)
+
+
+def restart(space: Workspace, building: Building) -> None:
+    """Prepare the arrays at the end of a run for a further run: its energies and counts start at
+    zero, and its peaks at the values of the state."""
+    totals, n = space.totals, building.stories
+    law_state, observed = space.law_state, space.observer_state
+    spent = [rows.ENERGY_INPUT, rows.ENERGY_VISCOUS, rows.ENERGY_DASHPOTS, rows.ENERGY_HYSTERETIC]
+    totals[rows.INITIAL_DISSIPATION] += totals[rows.ENERGY_HYSTERETIC]
+    totals[spent] = 0.0
+    totals[[rows.ITERATIONS, rows.HALVINGS, rows.BRACED_DISSIPATION, rows.TANGENT_WORK]] = 0.0
+    stored = [rows.ENERGY_KINETIC, rows.ENERGY_STRAIN, rows.ENERGY_BRACES]
+    totals[[rows.ENERGY_INITIAL, rows.ENERGY_REFERENCE]] = totals[stored].sum()
+    totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
+    totals[[rows.COLLAPSE_STORY, rows.COLLAPSE_FAILED]] = 0.0
+    space.step_status[rows.BRANCH_CHANGES] = 0.0
+    law_state[rows.INITIAL_SPENT] += law_state[rows.ENERGY_SPENT]
+    law_state[rows.ENERGY_SPENT] = 0.0
+    law_state[rows.PEAK_FORCE] = 0.0
+    observed[rows.DASHPOT_WORK] = 0.0
+    space.peaks[:] = 0.0
+    if building.system is not None:  # its loop includes the state in the peaks
+        observed[MOMENT : TOTAL_BASE_MOMENT + 1] = 0.0
+        return
+    acceleration = observed[rows.OBSERVED_ACCELERATION] + observed[rows.ACCELERATION_DEVIATION]
+    for row, values in (
+        (rows.PEAK_DRIFT, law_state[rows.DRIFT]),
+        (rows.PEAK_SHEAR, law_state[rows.FORCE]),
+        (rows.PEAK_DISPLACEMENT, space.state[rows.DISPLACEMENT]),
+        (rows.PEAK_VELOCITY, space.state[rows.VELOCITY]),
+        (rows.PEAK_ACCELERATION, acceleration + space.step_status[rows.STATE_GROUND]),
+        (rows.PEAK_TOTAL_SHEAR, observed[rows.TOTAL_SHEAR]),
+    ):
+        space.peaks[row] = np.abs(values[:n])
+    if building.damped_by_devices:
+        space.peaks[rows.PEAK_DRIFT_RATE] = np.abs(building.drifts(space.state[rows.VELOCITY]))
+    if building.elements:
+        law_state[rows.PEAK_FORCE, n + 1 :] = np.abs(law_state[rows.FORCE, n + 1 :])
+    if building.has_damper_state:
+        space.state[[rows.BRACE_DISSIPATED, rows.DAMPING_WORK]] = 0.0
+        space.peaks[rows.PEAK_BRACE_FORCE] = np.abs(space.state[rows.BRACE_REPORTED, :n])
