@@ -21,7 +21,6 @@ import sys
 import threading
 from contextlib import suppress
 from queue import SimpleQueue
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -80,14 +79,10 @@ def _take_shortcuts() -> None:
     kernels that the process has compiled before: labels and variables are numbered separately in
     each function. `tdint.kernels.building.compiler.objects_of` renames the symbols of functions.
     """
-    import numba.core.inline_closurecall as inlining
+    from llvmlite.binding import Linkage
     from numba.core import bytecode, codegen, compiler, ir, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
-    # numba creates the intermediate representation of a function that is inlined again for each
-    # call and copies its blocks twice, the only use of `copy` in this module. No other call has
-    # access to the new blocks: a copy is not necessary.
-    inlining.copy = SimpleNamespace(deepcopy=lambda block: block)
     # numba would try all candidates and format an error for each mismatch.
     resolve_call = BaseFunction.get_call_type
 
@@ -141,7 +136,7 @@ def _take_shortcuts() -> None:
     labels = ir_utils._the_max_label
     compile_one = compiler.CompilerBase.compile_extra
     # In a version of numba without these attributes, AttributeError is raised here. The separate
-    # numbering and the replacements below are then omitted. The three replacements above remain.
+    # numbering and the replacements below are then omitted. The two replacements above remain.
     _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count
 
     def compile_separately(self: Any, function: Any) -> Any:
@@ -163,6 +158,23 @@ def _take_shortcuts() -> None:
             identity._unique_ids, labels._value, ir_utils._unique_var_count = numbering_of_caller
 
     compiler.CompilerBase.compile_extra = compile_separately
+    optimize = codegen.CPUCodeLibrary._optimize_final_module
+
+    def optimize_called(self: Any) -> None:
+        """Optimize the module of a function, unless its code is copied into other functions and
+        optimized there.
+
+        The method replaces `_optimize_final_module` of the modules of numba (`self`).
+        """
+        defined = (
+            function
+            for function in self._final_module.functions
+            if function.linkage == Linkage.external and not function.is_declaration
+        )
+        if not any(b"alwaysinline" in text for function in defined for text in function.attributes):
+            optimize(self)
+
+    codegen.CPUCodeLibrary._optimize_final_module = optimize_called
     # No code is executed in this process.
     codegen.JitEngine.finalize_object = lambda self: None
     codegen.JITCPUCodegen.set_env = lambda *_: None

@@ -37,6 +37,7 @@ _OPTIONS = {
     "_nrt": False,
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
+    "forceinline": False,  # otherwise inherited from the function that calls
 }
 
 _MATH = {
@@ -117,19 +118,25 @@ register is changed. The function is not part of a library that is loaded in eve
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """Mark a function so that numba copies its code into each caller."""
-    return numba.njit(inline="always", **_OPTIONS)(function)
+    """Mark a function so that LLVM copies its code into each caller.
+
+    numba compiles it once for each combination of argument types, as for `outlined`.
+    """
+    return _compiled_once(function, _OPTIONS | {"forceinline": True})
 
 
 def outlined(function: Callable[..., Any]) -> Any:
-    """Mark a function so that numba compiles it once and calls it, instead of copying its code into
-    each caller (`inline`).
+    """Mark a function so that callers call it, unless LLVM finds its copy shorter than the call."""
+    return _compiled_once(function, _OPTIONS)
 
-    numba compiles a function for each combination of argument types. Literal types of constant
-    arguments, which contain the values, are replaced by ordinary types, so that the function is not
-    compiled again for each value.
+
+def _compiled_once(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Return a function that numba compiles once for each combination of argument types.
+
+    Literal types of constant arguments, which contain the values, are replaced by ordinary types,
+    so that the function is not compiled again for each value.
     """
-    compiled = numba.njit(**_OPTIONS)(function)
+    compiled = numba.njit(**options)(function)
     get_call_template = compiled.get_call_template
     compiled.get_call_template = lambda arguments, named: get_call_template(
         tuple(map(unliteral, arguments)), named
