@@ -38,24 +38,7 @@ _SOFT_STORY_RATIO = (
 # strength, followed by the energy capacity.
 _PINCHING = (0.5, 0.25, 0.05)
 _WITHOUT_DEGRADATION = (0.0, 0.0, 1.0, 1.0, 0.0) * 3 + (math.inf,)
-_WITH_DEGRADATION = (
-    0.0,
-    0.1,
-    0.0,
-    0.0,
-    0.2,
-    0.0,
-    0.1,
-    0.0,
-    0.0,
-    0.2,
-    0.0,
-    0.4,
-    0.0,
-    0.4,
-    0.9,
-    10.0,
-)
+_WITH_DEGRADATION = (0.0, 0.1, 0.0, 0.0, 0.2) * 2 + (0.0, 0.4, 0.0, 0.4, 0.9) + (10.0,)
 
 
 @dataclass(frozen=True)

@@ -166,24 +166,6 @@ def hazus_types() -> Mapping[tuple[str, str], SimpleNamespace]:
     return {(row.design_level, row.type): row for row in rows}
 
 
-STRUCTURES = (
-    "W1",
-    "W2",
-    "S1",
-    "S2",
-    "S3",
-    "S4",
-    "S5",
-    "C1",
-    "C2",
-    "C3",
-    "PC1",
-    "PC2",
-    "RM1",
-    "RM2",
-    "URM",
-    "MH",
-)
 ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
 USUAL_STORIES = {
     "W1": (1, 2),
@@ -201,6 +183,13 @@ MOST_STORIES = 50  # maximum number of stories; the rules are for regular buildi
 YEARS = (1000, 2200)  # allowed years of construction
 
 _TYPES_WITHOUT_HEIGHT_CLASS = ("W1", "W2", "S3", "PC1", "MH")
+# The last letter of the other types in the table is the height class.
+STRUCTURES = tuple(
+    dict.fromkeys(
+        name if name in _TYPES_WITHOUT_HEIGHT_CLASS else name[:-1] for _, name in hazus_types()
+    )
+)
+"""Structure types without height classes, in the order of the table."""
 # Height classes of a structure type: maximum number of stories and name. The last class has no
 # maximum.
 _HEIGHT_CLASSES = {
