@@ -78,7 +78,8 @@ def test_mean_of_selected_motions_fits_target(pool):
     others = np.log(scaling.unselected_spectra) - aim
     near = sorted([*deviations, *others], key=lambda row: np.mean(row**2))[:4]
     assert score(deviations) <= score(np.array(near))
-    assert list(scaling.to_dict()) == ["record", "component", "factor"]
+    columns = ["record", "component", "factor", "target", "rule", "version"]
+    assert list(scaling.to_dict()) == columns
 
 
 @pytest.mark.long
