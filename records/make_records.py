@@ -11,6 +11,7 @@ import argparse
 import hashlib
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -180,12 +181,32 @@ def soft_soil() -> list[Array]:
     return components
 
 
+RETROFIT_SOILS = (
+    Soil(layer=11.0, layer_damping=0.5, high_pass=2.5, high_pass_damping=0.6),
+    Soil(layer=15.0, layer_damping=0.6, high_pass=2.5, high_pass_damping=0.6),
+)
+
+
+def retrofit(number: int) -> list[Array]:
+    """Return two components of 14 s, 0.28 to 0.45 g, of a small record of the retrofit example."""
+    time, envelope = sample_times(14.0, 0.02), Envelope(rise=2.0, hold=4.0, decay=0.6)
+    peaks = ((0.35, 0.30), (0.45, 0.38), (0.28, 0.34), (0.40, 0.33))[number - 1]
+    components = []
+    for seed, peak in enumerate(peaks, start=20240399 + 2 * number):
+        soil = RETROFIT_SOILS[(number - 1) % 2]
+        noise = filtered_noise(time, soil, envelope, seed, peak * G)
+        components.append(without_final_velocity(noise, envelope.at(time)))
+    return components
+
+
 RECORDS = {
     "firm-soil": ("FIRM", firm_soil),
     "near-fault": ("FAULT", near_fault),
     "soft-soil": ("SOFT", soft_soil),
+    **{f"retrofit/R{number}": (f"R{number}", partial(retrofit, number)) for number in range(1, 5)},
 }
-"""Station code, and function that returns components HN1 and HN2 (m/s^2 at 0.01 s), by file."""
+"""Station code, and function that returns components HN1 and HN2 (m/s^2), by file; the sampling
+interval is 0.02 s in the directory retrofit, 0.01 s otherwise."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +236,9 @@ KAIKOURA = {
 def write_records(folder: Path) -> None:
     """Write the artificial motions as MiniSEED files (64-bit floating-point numbers, m/s^2)."""
     for name, (station, make) in RECORDS.items():
-        header = {"network": NETWORK, "station": station, "starttime": START, "delta": 0.01}
+        delta = 0.02 if name.startswith("retrofit/") else 0.01
+        header = {"network": NETWORK, "station": station, "starttime": START, "delta": delta}
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         traces = [
             Trace(data, header | {"channel": f"HN{number}"})
             for number, data in enumerate(make(), start=1)

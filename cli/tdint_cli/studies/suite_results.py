@@ -215,6 +215,7 @@ class SuiteResults:
             ratios=ratios,
             floors=floors,
             units=shown_units,
+            baseline=request.baseline,
         )
 
     def _lost_motions_text(self, profile: Profile) -> str:
@@ -381,7 +382,7 @@ class SuiteResults:
     def limit_rows(self, units: OutputUnits) -> Table | None:
         """Return the comparisons with the limits as a table of the report; None without limits."""
         listed = {self.building(profile): checks for profile, checks in self.checks if checks}
-        reasons = {self.building(profile): profile.lost_text for profile in self.profiles}
+        reasons = {self.building(profile): profile.counts.text for profile in self.profiles}
         return limit_table(listed, units, mean=True, reasons=reasons) if listed else None
 
     def limit_summary(self) -> dict[str, Any]:

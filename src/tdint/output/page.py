@@ -51,6 +51,8 @@ _MIN_LAST_PAGE, _MAX_BLANK_FRACTION = 0.33, 0.2
 """Fractions of a page: minimum content of the last page, maximum blank area on other pages."""
 _MIN_ROWS = 3
 """Minimum number of rows of a table that continues on a new page."""
+_MAX_WHOLE_TABLE = 75.0
+"""Maximum height of a table that is not divided, mm."""
 _KNOWN_DISTANCE = 2.0 * _PAGE
 """Distance from a fixed page break, mm, up to which estimated positions are reliable."""
 _MAX_FIRST_FIGURE, _MAX_FIGURE = 195.0, 110.0
@@ -242,6 +244,27 @@ class _Flow:
             return ""
         self.distance = 0.0
         return ' class="n"'
+
+    def break_before_table(self, height: float) -> str:
+        """Return the attribute of `break_class` for a table; the heading and the sentence that
+        introduce the table move with it."""
+        first = len(self.body)
+        while first and self.body[first - 1].startswith(("<h2", '<p class="k')):
+            first -= 1
+        attribute = self.break_class(height)
+        if not attribute or first == len(self.body):
+            return attribute
+        kept = self.body[first]
+        self.body[first] = (
+            kept.replace("<h2", '<h2 class="n"', 1)
+            if kept.startswith("<h2>")
+            else kept.replace('class="k"', 'class="k n"', 1)
+        )
+        for element in self.body[first:]:
+            is_heading = element.startswith("<h2")
+            lines = 1 if is_heading else -(-len(element) // _LETTERS)
+            self.advance(_HEADING if is_heading else lines * _LINE + _PARAGRAPH)
+        return ""
 
     def heading(self, title: str, part: Part = "", *, on_new_page: bool = False) -> None:
         """Add the heading of a chapter; it remains on the page of the content that follows.
@@ -559,7 +582,7 @@ def _column(table: Table, name: str, maximum: float) -> _Column:
     css_class = _TEXT_CLASS if unit == TEXT else ""
     if name == DIGEST:
         css_class = ' class="d"'
-    if name == "record":
+    if name in ("record", "motion"):
         # Files have short, distinct names here; the chapter Inputs lists their paths.
         short_names = figures.style.record_names(map(str, cells))
         cells = [short_names[str(cell)] for cell in cells]
@@ -589,11 +612,7 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
     if sum(len(column.heading) for column in columns) < text_width:
         heading_lines = 1
     heading_height = heading_lines * _TABLE_LINE + _ROW
-    # The heading remains together with three rows, so that it is not the last line of a page.
-    page_class = flow.break_class(heading_height + 3.0 * (_TABLE_LINE + _ROW))
-    flow.advance(heading_height + _TABLE)
-    rows = []
-    rows_on_page = 0
+    rows, heights = [], []
     for cells in zip(*(column.cells for column in columns), strict=True):
         row = ""
         line_count = 1
@@ -606,7 +625,17 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
                 column_width = max(width_fraction * column.longest_cell, 1.0)
                 line_count = max(line_count, math.ceil(len(cell) / column_width))
         rows.append(f"<tr>{row}</tr>")
-        row_height = line_count * _TABLE_LINE + _ROW
+        heights.append(line_count * _TABLE_LINE + _ROW)
+    # A short table is not divided. The heading of a long table remains together with three rows, so
+    # that it is not the last line of a page.
+    total = heading_height + sum(heights)
+    is_short = total <= _MAX_WHOLE_TABLE
+    page_class = flow.break_before_table(
+        total if is_short else heading_height + 3.0 * (_TABLE_LINE + _ROW)
+    )
+    flow.advance(heading_height + _TABLE)
+    rows_on_page = 0
+    for row_height in heights:
         # The heading is repeated on each page.
         if flow.position + row_height <= _PAGE:
             flow.advance(row_height)
@@ -616,6 +645,8 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
             rows_on_page = 1
     if rows_on_page < min(_MIN_ROWS, len(rows)):
         flow.separated_rows += 1
+    if is_short:
+        page_class = ' class="n w"' if page_class else ' class="w"'
     heading = "".join(f"<th{column.css_class}>{column.heading}</th>" for column in columns)
     body = "\n".join(rows)
     flow.body.append(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +24,7 @@ from tdint.output.tables import buildings
 from tdint.output.tables.elements import ELEMENT_COLUMNS, element_table
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import match_origin_table, motion_table
-from tdint.output.tables.table import TEXT, Table, error_percent
+from tdint.output.tables.table import TEXT, Cell, Table, error_percent
 from tdint.response.runs.error_estimate import FLOOR
 from tdint.response.spectra.elastic import spectrum
 from tdint.units import SI, OutputUnits, suffix
@@ -43,12 +45,18 @@ MODEL_LIMITS = (
 
 
 def model_chapter(
-    model: Model, units: OutputUnits = SI, peaks: StoryPeaks | None = None
+    model: Model,
+    units: OutputUnits = SI,
+    peaks: StoryPeaks | None = None,
+    base: Model | None = None,
 ) -> Chapter:
     """Return the chapter about the building: its properties and the table of its stories.
 
     Parameters
     ----------
+    base : Model, optional
+        Another building of the report. If it has the same number of stories, only properties of the
+        stories that differ from its stories are listed.
     peaks : StoryPeaks, optional
         Peak responses of a run. If the building has isolators, the chapter also states the period
         with the secant stiffness of the isolators at these peak drifts.
@@ -71,8 +79,96 @@ def model_chapter(
         f"A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
     devices = buildings.device_model_table(model, units)
-    tables = (buildings.model_table(model, units), *((devices,) if devices else ()))
-    return Chapter(f"Building: {model.name}", (facts, *tables))
+    text, stories = _story_parts(model, units, base)
+    parts = (f"{facts} {text}".rstrip(), *(table for table in (stories, devices) if table))
+    return Chapter(f"Building: {model.name}", parts)
+
+
+def _story_parts(model: Model, units: OutputUnits, base: Model | None) -> tuple[str, Table | None]:
+    """Return the properties of the stories: sentences on properties that are those of another
+    building, multiples of them, or common to all stories, and a table of the other properties.
+
+    Additional stories, such as isolators, are below the stories of the other building.
+    """
+    table = buildings.model_table(model, units)
+    added = 0 if base is None else len(model.stories) - len(base.stories)
+    texts, names = [], list(table.columns)
+    if base is not None and added >= 0:
+        other = buildings.model_table(base, units)
+        stories = f"stories {added + 1} to {len(model.stories)}" if added else "stories"
+        texts.append(f"{stories} as of {base.name}")
+        names = ["story"]
+        for name in dict.fromkeys((*table.columns[1:], *other.columns[1:])):
+            own, of_base = _cells(table, name)[added:], _cells(other, name)
+            if own and of_base and (factor := _common_factor(own, of_base)):
+                texts.append(f"{_label(table, name)} {factor} times")
+            elif not any(own) and any(of_base):
+                texts.append(f"without {_label(other, name)}")
+            elif own != (of_base or [""] * len(own)):
+                names.append(name)
+        if added and names == ["story"]:
+            names, table = list(table.columns), table._replace(rows=table.rows[:added])
+            texts.append("story 1" if added == 1 else f"stories 1 to {added}")
+        elif len(names) > 1:
+            texts[0] += f", except {', '.join(_label(table, name) for name in names[1:])}"
+    names = ["story", *(name for name in names[1:] if any(_cells(table, name)))]
+    common = {name: text for name in names[1:] if (text := _common_text(table, name))}
+    if uniform := [text for text in common.values() if "(stories" not in text]:
+        texts.append(f"all stories: {', '.join(uniform)}")
+    texts += [text for text in common.values() if text not in uniform]
+    names = [name for name in names if name not in common]
+    has_table = len(names) > 1
+    text = "; ".join(texts) + (":" if has_table else ".") if texts else ""
+    return text[:1].upper() + text[1:], table.chosen(names) if has_table else None
+
+
+def _label(table: Table, name: str) -> str:
+    """Return the name of a column in a sentence, without its unit."""
+    return _quantity(table, name).replace("_", " ")
+
+
+def _cells(table: Table, name: str) -> list[Cell]:
+    """Return the cells of a column, with an empty text for missing values; empty without the
+    column."""
+    if name not in table.columns:
+        return []
+    index = table.columns.index(name)
+    # A missing number (nan) differs from itself.
+    return [
+        "" if row[index] in (None, "") or row[index] != row[index] else row[index]
+        for row in table.rows
+    ]
+
+
+def _common_factor(cells: Sequence[Cell], of_base: Sequence[Cell]) -> str:
+    """Return the common ratio of the numbers of two columns as text; empty if the columns are equal
+    or have no common ratio in the digits of a report."""
+    if cells == of_base or not all(isinstance(cell, float) and cell for cell in (*cells, *of_base)):
+        return ""
+    ratios = {
+        number_text(float(own) / float(base), 3) for own, base in zip(cells, of_base, strict=True)
+    }
+    return ratios.pop() if len(ratios) == 1 else ""
+
+
+def _common_text(table: Table, name: str) -> str:
+    """Return a clause on a property that all stories have in common, or on a text that applies to
+    two ranges of stories; empty for another property and for a single story."""
+    unit = table.meanings.get(name, {}).get("unit", TEXT)
+    numbers = [str(row[0]) for row in table.rows]
+    groups = [
+        (value, [number for number, _ in group])
+        for value, group in groupby(zip(numbers, _cells(table, name), strict=True), itemgetter(1))
+    ]
+    if len(numbers) == 1 or len(groups) > 2 or (len(groups) == 2 and unit != TEXT):
+        return ""
+    label = _label(table, name)
+    if len(groups) == 1:
+        value = groups[0][0]
+        text = value if isinstance(value, str) else number_text(float(value or 0.0))
+        return f"{label} {text} {'' if unit in (TEXT, '1') else unit}".rstrip()
+    ranges = [f"{value or 'none'} (stories {group[0]} to {group[-1]})" for value, group in groups]
+    return f"{label} {' and '.join(ranges)}"
 
 
 def first_period(model: Model) -> float:
@@ -293,7 +389,7 @@ def method_text(specification: str) -> str:
 def _quantity(table: Table, name: str) -> str:
     """Return the name of a column of a table without the suffix of its unit: `peak_drift` for
     `peak_drift_m`."""
-    return name.removesuffix(suffix(table.meanings[name].get("unit", TEXT)))
+    return name.removesuffix(suffix(table.meanings.get(name, {}).get("unit", TEXT)))
 
 
 def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tuple[Part, ...]:

@@ -227,7 +227,7 @@ def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: 
     assert f"exceeded ({lost})" in result.stderr
     # The table states why a demand below its limit does not meet it. A limit that the mean exceeds
     # needs no reason.
-    assert limit_results("out.html") == [f"exceeded: {lost}"]
+    assert limit_results("out.html") == ["exceeded: 1 collapsed"]
     tdint(*run, "--limit", "0.0001%", "--report", "low.html", code=0)
     assert limit_results("low.html") == ["exceeded"]
     (row,) = (

@@ -6,6 +6,7 @@ Tables of runs are in `responses`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from tdint.output.tables.table import (
     METHOD_SPEC,
     PERIOD,
     TEXT,
+    Cell,
     Column,
     Table,
     elements_of,
@@ -406,7 +408,9 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
     """
     texts = []
     for spring in story.springs:
-        text = _law_words(spring.law, units)
+        parameters = _law_parameters(spring.law, units)
+        listed = ", ".join(f"{name} {text}" for name, text in parameters.items())
+        text = f"{spring.law.name}: {listed}" if listed else spring.law.name
         if spring.name:
             stiffness = units.text(spring.stiffness, "N/m")
             text = f"{spring.name}: {text.replace(':', ',', 1)}, stiffness {stiffness}"
@@ -416,13 +420,13 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
     return "; ".join([*texts, "isolator"] if story.isolator else texts)
 
 
-def _law_words(law: Law, units: OutputUnits) -> str:
-    """Return a law as text.
+def _law_parameters(law: Law, units: OutputUnits) -> dict[str, str]:
+    """Return the values of the parameters of a law as texts, by their names in a model file.
 
     Parameters are omitted if their value is the default, or if the negative side is equal to the
     positive side.
     """
-    parameter_texts: list[str] = []
+    texts: dict[str, str] = {}
     values_by_name: dict[str, tuple[float, ...]] = {}
     named = zip(named_parameters(law), law.parameters, strict=True)
     for parameter, group in groupby(named, key=lambda item: item[0][-1]):
@@ -450,8 +454,8 @@ def _law_words(law: Law, units: OutputUnits) -> str:
             text = ", ".join(
                 _in_units(value, force, length, units) for (_, force, length, _), value in numbers
             )
-        parameter_texts.append(f"{parameter.path} {text}")
-    return f"{law.name}: {', '.join(parameter_texts)}" if parameter_texts else law.name
+        texts[parameter.path] = text
+    return texts
 
 
 def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
@@ -475,14 +479,40 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
     Returns
     -------
     Table
-        Mass, height and stiffness, and the hysteretic law and the dashpot as text.
+        Mass, height and stiffness, the hysteretic law with a column for each of its parameters, and
+        the dashpot as text. The law of a story with several elements is one text.
     """
     numbers = Table.of_results(MODEL, [model]).in_units(units)
+    laws, parameters = [], []
+    for story in model.stories:
+        is_single = len(story.springs) == 1 and story.springs[0].factor == 1.0
+        laws.append(
+            f"{story.law.name}{'; isolator' if story.isolator else ''}"
+            if is_single
+            else law_words(story, units)
+        )
+        parameters.append(_law_parameters(story.law, units) if is_single else {})
+    columns, meanings = [], dict(numbers.meanings)
+    for name in dict.fromkeys(name for texts in parameters for name in texts):
+        cells, unit = _numbers_of_texts([texts.get(name, "") for texts in parameters])
+        columns.append(cells)
+        meanings[name] = {"meaning": "parameter of the law", "unit": unit}
+    dashpots = [_dashpot_text(story, units) for story in model.stories]
     rows = [
-        (*row, law_words(story, units), _dashpot_text(story, units))
-        for row, story in zip(numbers.rows, model.stories, strict=True)
+        (*row, *cells) for row, *cells in zip(numbers.rows, laws, *columns, dashpots, strict=True)
     ]
-    return numbers._replace(columns=(*numbers.columns, "law", "dashpots"), rows=rows)
+    names = (*numbers.columns, "law", *list(meanings)[len(numbers.meanings) :], "dashpots")
+    return Table(names, rows, meanings)
+
+
+def _numbers_of_texts(texts: Sequence[str]) -> tuple[list[Cell], str]:
+    """Return the numbers of texts with a common unit and this unit; otherwise the texts and
+    `TEXT`. An empty text has no number."""
+    found = [re.fullmatch(r"(-?[\d.]+(?:e[-+]\d+)?)(?: (\S+))?", text) for text in texts]
+    units = {match[2] or "1" for match in found if match}
+    if len(units) != 1 or any(text and not match for text, match in zip(texts, found, strict=True)):
+        return list(texts), TEXT
+    return [float(match[1]) if match else None for match in found], units.pop()
 
 
 def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:

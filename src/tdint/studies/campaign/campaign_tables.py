@@ -403,7 +403,12 @@ def profiles_table(store: Store, units: OutputUnits) -> StoreTable:
     return StoreTable(columns, _profile_rows(profiles(store), units))
 
 
-def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
+def profile_table(
+    profile: Profile,
+    names: Sequence[str],
+    units: OutputUnits = SI,
+    statistics_names: Sequence[str] = ("mean", "max"),
+) -> Table:
     """Return the mean and maximum of quantities over the ground motions, with one row per story.
 
     Parameters
@@ -423,6 +428,7 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
                     f"{noun}: {quantity.meaning}",
                 )
                 for name, noun in (("mean", "mean"), ("max", "maximum"))
+                if name in statistics_names
             ]
     return Table.of_results(columns, [profile]).in_units(units)
 

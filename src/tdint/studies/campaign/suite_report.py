@@ -14,6 +14,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
+from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.figures.style import FirstPeriods
@@ -79,14 +80,17 @@ def suite_page(
     ratios: Table | None = None,
     floors: Sequence[FloorSuite] = (),
     units: OutputUnits = SI,
+    baseline: str | None = None,
 ) -> bytes:
     """Return the report of a campaign whose store contains all runs of the plan.
 
     `profiles` are the statistics over the ground motions, for each building and intensity level.
     `limit` is the limit of the drift ratio, which the figure shows. `ratios` are the responses of
-    the buildings divided by those of the baseline.
+    the buildings divided by those of the building `baseline` (by default the first), with which the
+    stories of the others are compared.
     """
     content, units = campaign_summary(store), page_units(units)
+    has_variants = len({profile.building for profile in profiles}) > 1
     runs = content["runs"]
     status_text = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
     limit_text = "" if limit is None else f", limit {100.0 * limit:g} %"
@@ -101,6 +105,7 @@ def suite_page(
     )
     # Only the first buildings are described, because the report must remain readable.
     subjects = {building.name: building.subject() for building in plan.buildings[:_MAX_MODELS]}
+    base = subjects.get(baseline or "") or next(iter(subjects.values()))
     # Warnings about the scaling and the records are printed at the top. Notes with the same text
     # are omitted.
     scaling_parts, scaling_warnings = _scaling(plan, units, periods)
@@ -113,16 +118,22 @@ def suite_page(
     chapters = [
         page_text.result(*((profile_figure,) if profiles else ())),
         Chapter("Limits", (page_text.limits,) if page_text.limits else ()),
-        Chapter("Ratios to the baseline", (_ratio_rows(ratios),) if ratios else ()),
-        *(_statistics_chapter(profile, units, subjects) for profile in profiles),
+        Chapter("Ratios to the baseline", _ratio_parts(ratios)),
+        _suite_assumptions(plan, store, [*subjects.values()]),
+        Chapter("Notes", (once(notes),)),
+        *(
+            _statistics_chapter(profile, units, subjects, has_maxima=not has_variants)
+            for profile in profiles
+        ),
         _runs_chapter(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        *(model_chapter(subject.model, units) for subject in subjects.values()),
+        *(
+            model_chapter(subject.model, units, base=None if subject is base else base.model)
+            for subject in subjects.values()
+        ),
         _load_case_chapter(plan, units)
         or motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
-        _suite_assumptions(plan, store, [*subjects.values()]),
-        Chapter("Notes", (once(notes),)),
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
     inputs = [*(page_text.inputs or content["inputs"]), campaign]
@@ -173,7 +184,7 @@ def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) ->
     methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
     low, high, energy, error = store.connection.execute(
         "SELECT min(dt_s), max(dt_s), max(abs(energy_error)), max(peak_drift_m_error / "
-        "peak_drift_m) FROM run_rows"
+        "peak_drift_m) FROM run_rows WHERE status = 'done'"
     ).fetchone()
     steps = f"{low:.6g} s" if low == high else f"{low:.6g} to {high:.6g} s"
     # Energy and error are unknown if no run has a result.
@@ -230,11 +241,12 @@ def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | N
 
 
 def _statistics_chapter(
-    profile: Profile, units: OutputUnits, subjects: Mapping[str, Subject]
+    profile: Profile, units: OutputUnits, subjects: Mapping[str, Subject], *, has_maxima: bool
 ) -> Chapter:
     """Return the chapter of means and maxima of a building over the ground motions at a single
     intensity level; estimated errors are added if the runs have error estimates.
 
+    With several buildings, profiles.csv lists the maxima, so that they are comparable on a page.
     Total shears are omitted if the model (`subjects`, by name) has no P-delta and no dashpots.
     """
     subject = subjects.get(profile.building)
@@ -245,8 +257,11 @@ def _statistics_chapter(
     # Isolators have no height, so their drifts in length units are listed in addition to the
     # ratios.
     drifts = ("peak_drift_ratio",) if has_heights else ("peak_drift_ratio", "peak_drift")
-    parts: list[Part] = [profile_table(profile, (*drifts, *suite_columns), units)]
-    if profile.peak_errors:
+    shown = ("mean", "max") if has_maxima else ("mean",)
+    parts: list[Part] = [profile_table(profile, (*drifts, *suite_columns), units, shown)]
+    if not profile.counts.completed:
+        parts = [f"No mean: {profile.lost_text}."]
+    elif profile.peak_errors:
         parts += [ERRORS, profile_error_table(profile, ("peak_drift", *suite_columns))]
     building = ", ".join(filter(None, [profile.building, profile.level_text]))
     return Chapter(f"Statistics over the ground motions: {building}", parts)
@@ -269,6 +284,8 @@ def _runs_chapter(store: Store) -> Chapter:
         "BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
     )
     rows = store.connection.execute(query).fetchall()
+    if parts := _drifts_of_buildings(rows):
+        return Chapter("Individual ground motions", parts)
     shown_rows = rows[:MAX_MOTIONS]
     numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "largest_ductility")
     units = dict.fromkeys(("building", "record", "component"), TEXT) | dict.fromkeys(numbers, "1")
@@ -292,21 +309,63 @@ def _runs_chapter(store: Store) -> Chapter:
     return Chapter("Individual ground motions, largest drift first", (table, omission))
 
 
-def _ratio_rows(ratios: Table) -> Table:
-    """Return a table of ratios to a baseline building, prepared for a report.
-
-    Rows without any number are omitted, and names of quantities contain spaces instead of
-    underscores.
-    """
-    first_ratio = ratios.columns.index("quantity") + 1
-    rows = [
-        row
-        for row in ratios.rows
-        if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[first_ratio:])
-    ]
-    return ratios._replace(rows=rows).with_values(
-        "quantity", lambda quantity: str(quantity).replace("_", " ")
+def _drifts_of_buildings(rows: Sequence[Sequence[Any]]) -> tuple[Part, ...]:
+    """Return the drift ratios of the runs with a row for each ground motion and a column for each
+    building, from the rows of the query of `_runs_chapter`; empty unless this table fits a page,
+    all buildings have the same runs, and each completed run has a drift ratio."""
+    names = list(dict.fromkeys(row[0] for row in rows))
+    cells: dict[tuple[Any, ...], dict[str, Cell]] = defaultdict(dict)
+    for building, record, component, factor, ratio, *_, status in rows:
+        text = "collapse" if status in FALLEN else "" if ratio is None else number_text(100 * ratio)
+        cells[record, component, factor][building] = text
+        if status == DONE and ratio is None:
+            return ()
+    is_complete = sum(map(len, cells.values())) == len(rows) == len(cells) * len(names)
+    if not 1 < len(names) <= _MOST_BUILDING_COLUMNS or len(cells) > MAX_MOTIONS or not is_complete:
+        return ()
+    units = {"record": TEXT, "component": TEXT, "factor": "1", **dict.fromkeys(sorted(names), TEXT)}
+    table = [(*key, *(drifts[name] for name in sorted(names))) for key, drifts in cells.items()]
+    return (
+        "Largest drift ratio of a story, %; runs.csv lists its story:",
+        Table.of_units(units, sorted(table)),
     )
+
+
+_MOST_BUILDING_COLUMNS = 6
+"""Maximum number of buildings with a column each."""
+
+
+def _ratio_parts(ratios: Table | None) -> tuple[Part, ...]:
+    """Return the ratios of the means to the baseline for a report, with a column for each building;
+    with many buildings the rows of ratios.csv without those that have no number."""
+    if ratios is None:
+        return ()
+    first = ratios.columns.index("quantity")
+    number = ratios.columns.index("mean_ratio")
+    rows = [
+        (*row[:first], str(row[first]).replace("_", " "), *row[first + 1 :])
+        for row in ratios.rows
+        if any(isinstance(cell, float) and cell == cell for cell in row[first + 1 :])
+    ]
+    names = list(dict.fromkeys(str(row[0]) for row in rows))
+    if not rows or len(names) > _MOST_BUILDING_COLUMNS:
+        return (ratios._replace(rows=rows),)
+    # The columns before the quantity, after the building and the baseline, are the level.
+    cells: dict[tuple[Cell, ...], dict[str, Cell]] = defaultdict(dict)
+    for row in rows:
+        cells[row[2 : first + 1]][str(row[0])] = row[number]
+    motions = ratios.columns.index("motions")
+    counts = {str(row[0]): row[motions] for row in rows}
+    listed = ", ".join(f"{name} {count}" for name, count in counts.items())
+    units = dict.fromkeys(ratios.columns[2:first], "1") | {"quantity": TEXT}
+    table = Table.of_units(
+        units | dict.fromkeys(names, "1"),
+        [(*key, *(of_building.get(name) for name in names)) for key, of_building in cells.items()],
+    )
+    text = (
+        f"Means divided by those of {rows[0][1]}, over the motions that both complete ({listed}); "
+    )
+    return f"{text}ratios.csv also lists medians and maxima:", table
 
 
 def _damage(store: Store) -> tuple[Part, ...]:
@@ -558,8 +617,8 @@ def comparison_parts(
     table = Table.of_results(columns, rows[:_MAX_VARIANT_ROWS])
     reference = "baseline" if baseline else "first building"
     explanation = (
-        "Means are over the motions that each building completes (`motions`), in the story or "
-        "floor with the largest mean. `times baseline` compares the mean drifts over the motions "
+        "Means are over the motions that each building completes, in the story or "
+        "floor with the largest mean. Times baseline compares the mean drifts over the motions "
         f"that the building and the {reference} both complete, if nothing collapses or these are "
         f"at least {MIN_COMMON}. Devices are dampers, isolators and elements that the {reference} "
         "does not have; their stroke is the drift of the story."

@@ -1,0 +1,111 @@
+"""The stories of a building in a report: parameters of laws in columns, common properties in a
+sentence, and differences from another building."""
+
+import dataclasses
+
+import pytest
+
+from tdint import load_model
+from tdint.output.page import Chapter, PageText, Table, page
+from tdint.output.report import model_chapter
+from tdint.output.tables.buildings import model_table
+from tdint.studies.campaign.suite_report import _drifts_of_buildings, _ratio_parts
+from tdint.units import parse_output_units
+
+UNITS = parse_output_units("kN,m")
+
+
+def frame(*, strength=1.0, dashpots=(0, 0, 0), heights=(4, 3, 3), isolator=False):
+    law = {"type": "imk", "plastic_drift": 0.05, "post_capping_drift": 0.1, "capping_ratio": 1.1}
+    law |= {"residual_ratio": 0.2, "ultimate_drift": 0.3}
+    stories = [
+        {"mass": 1e5, "height": height, "stiffness": 1e8 / number, "dashpot": dashpot}
+        | {"law": law | {"yield_force": strength * 1e6 / number}}
+        for number, (height, dashpot) in enumerate(zip(heights, dashpots, strict=True), start=1)
+    ]
+    bearings = {"mass": 2e5, "stiffness": 1e7, "isolator": True}
+    return load_model({"name": "frame", "stories": [bearings] * isolator + stories})
+
+
+def parts(model, base=None):
+    """Return the sentences about the stories and their table."""
+    text, *tables = model_chapter(model, UNITS, base=base).parts
+    return text.partition("counts as collapse. ")[2], tables
+
+
+def test_parameters_are_columns_and_common_ones_a_sentence():
+    text, (table,) = parts(frame())
+    assert table.columns == ("story", "height_m", "stiffness_kN_m", "yield_force")
+    assert [row[3] for row in table.rows] == pytest.approx([1000, 500, 333.3])
+    assert table.meanings["yield_force"]["unit"] == "kN"
+    assert text.startswith("All stories: mass 1e+05 kg, law") and text.endswith(":")
+    assert "law imk, plastic drift 0.05 m, post capping drift 0.1 m, capping ratio 1.1" in text
+    # The table of a model contains every parameter.
+    assert "ultimate_drift" in model_table(frame(), UNITS).columns
+
+
+def test_a_variant_shows_its_differences():
+    base = frame()
+    assert parts(frame(), base) == ("Stories as of frame.", [])
+    assert parts(frame(strength=1.5), base) == ("Stories as of frame; yield force 1.5 times.", [])
+    text, tables = parts(frame(dashpots=(5e5, 5e5, 0)), base)
+    assert not tables and "dashpots 500 v (kN; v in m/s) (stories 1 to 2) and none" in text
+    text, (table,) = parts(frame(heights=(4, 3.5, 3)), base)
+    assert text == "Stories as of frame, except height:"
+    assert (table.columns, [row[1] for row in table.rows]) == (("story", "height_m"), [4, 3.5, 3])
+    # What the other building has, the sentence names.
+    assert parts(base, frame(dashpots=(5e5,) * 3))[0] == "Stories as of frame; without dashpots."
+
+
+def test_an_isolator_is_below_the_stories_of_the_other_building():
+    text, (table,) = parts(frame(isolator=True), frame())
+    assert text == "Stories 2 to 4 as of frame; story 1:"
+    assert [row[0] for row in table.rows] == [1]
+    assert "linear; isolator" in table.rows[0] and "plastic_drift" not in table.columns
+
+
+def test_a_short_table_moves_to_a_new_page_with_its_heading():
+    """The first page has space for a heading and some rows, but not for the table."""
+    table = Table.of_units({"story": "1", "value": "1"}, [(i, float(i)) for i in range(9)])
+    lines = ["line " * 18] * 42
+    chapters = [Chapter("First", (lines,)), Chapter("Second", ("The table:", table))]
+    text = page("title", "About.", chapters, PageText(inputs=())).decode()
+    assert '<h2 class="n">Second</h2>' in text and '<table class="w">' in text
+    few = [dataclasses.replace(chapters[0], parts=(lines[:5],)), chapters[1]]
+    text = page("title", "About.", few, PageText(inputs=())).decode()
+    assert "<h2>Second</h2>" in text and '<table class="w">' in text
+
+
+def test_runs_and_ratios_of_variants_have_a_column_for_each_building():
+    runs = [
+        (building, "a.csv", component, 2.0, ratio, 0.1, 1, None, status)
+        for building, component, ratio, status in (
+            ("old", "HN1", 0.02, "done"),
+            ("old", "HN2", 0.06, "collapsed"),
+            ("new", "HN1", 0.01, "done"),
+            ("new", "HN2", 0.015, "done"),
+        )
+    ]
+    _, table = _drifts_of_buildings(runs)
+    assert table.columns == ("record", "component", "factor", "new", "old")
+    assert table.rows == [("a.csv", "HN1", 2.0, "1", "2"), ("a.csv", "HN2", 2.0, "1.5", "collapse")]
+    # A run without a drift ratio, or a missing run, needs the list of runs.
+    assert _drifts_of_buildings(runs[:3]) == ()
+    assert _drifts_of_buildings([*runs[:3], (*runs[3][:4], None, *runs[3][5:])]) == ()
+    columns = ("building", "baseline", "scale", "quantity", "story", "mean_ratio", "motions")
+    units = dict.fromkeys(columns, "1")
+    text, table = _ratio_parts(
+        Table.of_units(
+            units,
+            [
+                ("new", "old", 1.0, "peak_drift", None, 0.5, 3),
+                ("new", "old", 1.0, "base_shear", None, 1.25, 3),
+                ("weak", "old", 1.0, "peak_drift", None, 2.0, 4),
+                ("weak", "old", 1.0, "base_shear", None, float("nan"), 4.0),
+            ],
+        )
+    )
+    assert "those of old" in text and "(new 3, weak 4" in text
+    assert table.columns == ("scale", "quantity", "new", "weak")
+    assert table.rows[0] == (1.0, "peak drift", 0.5, 2.0)
+    assert table.rows[1][:3] == (1.0, "base shear", 1.25)
