@@ -225,13 +225,27 @@ class Structure:
         n = len(stories)
         self.members = [Member(f"{i + 1}", i - 1, i, entry) for i, entry in enumerate(stories)]
         self.mass = [entry["mass"] for entry in stories]
+        ends = {"ground": -1, **{i + 1: i for i in range(n)}}
+        inerters = []  # inertance, kg, and the floors between which it acts
         for entry in model.get("attachments", ()):
-            self.members.append(Member(entry["name"], entry["floor"] - 1, len(self.mass), entry))
+            floor = ends[entry["name"]] = len(self.mass)
+            self.members.append(Member(entry["name"], ends[entry["floor"]], floor, entry))
             self.mass.append(entry["mass"])
+            inerters.append((entry, Member("inerter", -1, floor, {})))
         for entry in model.get("links", ()):
-            below = -1 if entry["from"] == "ground" else entry["from"] - 1
-            self.members.append(Member(entry["name"], below, entry["to"] - 1, entry))
+            member = Member(entry["name"], ends[entry["from"]], ends[entry["to"]], entry)
+            self.members.append(member)
+            inerters.append((entry, member))
+            law = entry.get("law", {})
+            if "dashpot" in law:  # of a contact: it acts while the stop has a stiffness
+                member.tangent = law["dashpot"] / law["stop_stiffness"]
+        inerters += zip(stories, self.members, strict=False)
         self.mass = np.array(self.mass)
+        self.inertia = np.diag(self.mass)
+        for entry, member in inerters:
+            way = np.zeros(len(self.mass))
+            member.add(way, np.ones(len(self.mass)))
+            self.inertia += entry.get("inertance", 0.0) * np.outer(way, way)
         self.mass_part = np.zeros(len(self.mass))
         self.modal = np.zeros((n, n))
         self.damp(model.get("damping", {}), n)
@@ -338,7 +352,8 @@ class Integration:
             elif damper:
                 force += damper.factor * damper.force(damper.factor * rate)
             member.add(total, np.full(len(u), -force))
-        return v, total / structure.mass, brace_rates, w_rates
+        acceleration = np.linalg.solve(structure.inertia, total)
+        return v, acceleration, brace_rates, w_rates
 
     def trial(self, t, h):
         """Return the state, the springs and the velocities after a step."""

@@ -60,6 +60,7 @@ def test_each_law_and_each_feature_has_a_case():
     keys = (
         *("elements:", "attachments:", "links:", "p_delta: true", "points:", "modal:", "brace:"),
         *("tangent: true", "fracture_drift:", "exponent:", "relief:", "negative:", "factor:"),
+        *("floor: ground", "stop_stiffness: 5.0e7, dashpot:", "inertance:"),
     )
     assert [key for key in (*keys, *(f"rule: {rule}" for rule in rules)) if key not in text] == []
 
