@@ -65,6 +65,13 @@ def buildings() -> None:
     print(of_methods[0].dt, of_steps[0].steps, of_both[0].status, of_many.scale, derivatives, history)
     case: tdint.Case = tdint.prepare(content, Trace())
     tdint.run_case(case.scaled(2.0), tolerance="1%")
+    whole: tdint.ResponseWithHistory = tdint.run(model, record, history=True)
+    print(whole.history.drift.max(), tdint.run_case(case, history=True).history.time[-1])
+    after: tdint.Response = tdint.run(model, record, initial=whole.final_state)
+    stepper = tdint.Stepper(content, "impulse4", 0.01)
+    stepper.step(0.1, [1e3]), stepper.copy().reset()
+    state: tdint.RunState = stepper.state
+    print(state.velocity[0], state.history.energy.kinetic, after.final_state.time)
     tdint.run_sequence(case, [record, record], rest=1.0)
     tdint.pushover(content, "2%").to_dict("kip,in,g")
     tdint.target_displacements(tdint.pushover(model, 0.02), "ec8:ag=0.3,soil=B")

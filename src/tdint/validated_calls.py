@@ -7,8 +7,10 @@ import functools
 import inspect
 import numbers
 import os
+import re
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from tdint.errors import TdintError, UsageError
@@ -37,10 +39,14 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
 
     @functools.wraps(function)
     def wrapper(*arguments: Any, **keywords: Any) -> Any:
-        """Call the function; convert an error that an argument causes to a UsageError."""
+        """Call the function; convert an error that an argument causes to a UsageError, and name
+        arguments instead of options in messages and notes."""
         try:
-            return function(*arguments, **keywords)
-        except TdintError:
+            result = function(*arguments, **keywords)
+        except TdintError as error:
+            error.args = tuple(in_python(text, function) for text in error.args)
+            if "message" in vars(error):
+                vars(error)["message"] = error.args[0]
             raise
         except _ARGUMENT_ERRORS as error:
             try:
@@ -50,10 +56,34 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
             # `_wrong_argument` returns None if all arguments are valid. Then the error is a bug of
             # tdint and is raised unchanged.
             raise _wrong_argument(name, bound) or error from error
+        notes = getattr(result, "notes", ())
+        if any(_OPTION.search(note) for note in notes):
+            return replace(result, notes=tuple(in_python(note, function) for note in notes))
+        return result
 
     # The wrapper gets the public name (`tdint.run`), by which pickle imports it.
     wrapper.__module__, wrapper.__qualname__, wrapper.__name__ = "tdint", name, name
     return wrapper
+
+
+_OPTION = re.compile(r"(?<![\w-])--(no-)?([a-z][a-z-]*)")
+
+
+def in_python(text: str, function: Callable[..., Any]) -> str:
+    """Return a message with the names of the arguments of a function instead of options.
+
+    Other options, such as those of a command in the message, are unchanged.
+    """
+    parameters = inspect.signature(function).parameters
+
+    def argument(option: re.Match[str]) -> str:
+        """Return the argument of an option."""
+        name = option[2].replace("-", "_")
+        if name not in parameters:
+            return option[0]
+        return f"{name}=False" if option[1] else name
+
+    return _OPTION.sub(argument, text)
 
 
 def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageError | None:

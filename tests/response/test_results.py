@@ -1,6 +1,8 @@
 """Results at a Python prompt: short descriptions, comparison, parts of many runs, and models and
 records as plain values."""
 
+import sys
+import types
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
@@ -8,11 +10,14 @@ import numpy as np
 import pytest
 
 import tdint
+from feature_buildings import building
+from small_buildings import MOTION
 from tdint.errors import UsageError
 from tdint.kernels.laws.law import DriftLaw
 from tdint.model.definition import simple_model
 from tdint.public_names import PUBLIC
 from tdint.tabular import Described
+from tdint.validated_calls import in_python
 
 ROOT = Path(__file__).parents[2]
 MODEL = tdint.load_model(
@@ -137,4 +142,54 @@ def test_frequencies_of_a_transfer_function_are_the_second_argument():
     by_name = tdint.transfer_function(frame, frequency=frequency)
     np.testing.assert_array_equal(
         tdint.transfer_function(frame, frequency).response, by_name.response
+    )
+
+
+def test_peaks_of_devices_have_names_a_table_and_a_short_description():
+    model = building(("attachments", "links"))
+    response = tdint.run(model, MOTION)
+    devices = response.devices
+    assert repr(devices) == "<DevicePeaks of tank, shelf, cable>"
+    table = devices.to_dict("mm")
+    assert table["device"] == ["tank", "shelf", "cable"]
+    np.testing.assert_allclose(table["peak_drift_mm"], 1e3 * devices.stories.peak_drift)
+    np.testing.assert_array_equal(table["dissipated_energy_J"], devices.dissipated_energy)
+    np.testing.assert_array_equal(table["peak_shear_N_error"], devices.errors.peak_shear)
+    assert np.isnan(table["peak_velocity_m_s"]).tolist() == [False, False, True]
+    without = tdint.run(model, MOTION, check=False).devices.to_dict()
+    assert "peak_shear_N_error" not in without
+
+
+def test_history_as_dataset(monkeypatch):
+    """The dimensions of each variable have the lengths of their coordinates."""
+
+    def dataset(variables, coordinates):
+        return {name: value[:2] for name, value in variables.items()}, coordinates
+
+    monkeypatch.setitem(sys.modules, "xarray", types.SimpleNamespace(Dataset=dataset))
+    for feature in ("elements", "links"):
+        history = tdint.run(building((feature,)), MOTION, history=True, check=False).history
+        variables, coordinates = history.to_xarray()
+        sizes = {name: len(value[1]) for name, value in coordinates.items()}
+        for dimensions, values in variables.values():
+            names = (dimensions,) if isinstance(dimensions, str) else dimensions
+            assert values.shape == tuple(sizes[name] for name in names)
+        np.testing.assert_array_equal(variables["energy_kinetic"][1], history.energy.kinetic)
+        assert variables["drift"] == (("time", "story"), history.drift)
+    assert variables["device_shear"][1] is history.devices.shear
+    assert coordinates["device"][1].tolist() == ["cable"]
+
+
+def test_messages_and_notes_name_arguments():
+    still = {"stories": [{"mass": 1e5, "stiffness": 4e7}], "initial": {"displacement": [0.1]}}
+    with pytest.raises(UsageError, match=r"; specify dt, or analysis\.dt in"):
+        tdint.run(still)
+    with pytest.raises(tdint.FailedRun, match="or use allow_unstable$") as caught:
+        tdint.run(still, method="central-difference", dt=0.5, duration=5.0)
+    assert caught.value.message.endswith("use allow_unstable")
+    undamped = {"stories": [{"mass": 1e5, "stiffness": 4e7}], "damping": 0.0}
+    notes = tdint.run(undamped, MOTION, check=False).notes
+    assert any(note.endswith("see until_rest") for note in notes)
+    assert in_python("--no-check omits it, `tdint check --plugin` and --output", tdint.run) == (
+        "check=False omits it, `tdint check --plugin` and --output"
     )

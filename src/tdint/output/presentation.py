@@ -109,6 +109,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         picture=lambda results, units: figures.static_curves.fourier_picture(results, units),
         on_axes=lambda ax, results, units: figures.static_curves.draw_fourier(ax, results, units),
     ),
+    "DevicePeaks": Presentation(columns=lambda result: tables.devices.device_columns(result)),
     "History": Presentation(lambda result: tables.values.history_columns(result)),
     "InelasticSpectrum": Presentation(
         columns=_record_columns,

@@ -19,7 +19,8 @@ from tdint.output.tables.table import (
     describe,
     parquet,
 )
-from tdint.response.runs.history import History
+from tdint.response.runs.energy import ENERGY_TERMS
+from tdint.response.runs.history import ELEMENT_FORCE, History
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.tabular import ResultList, import_optional
 from tdint.units import SI, OutputUnits, parse_output_units, quantities
@@ -155,7 +156,8 @@ def to_xarray(runs: Runs) -> Any:
                 {"units": quantity.unit},
             )
     for name, values in runs.history.items():
-        variables[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
+        last = "element" if name == ELEMENT_FORCE else "story"
+        variables[name] = ("run", "time", last), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
         # Times that differ between runs cannot be a coordinate of the axis `time`.
         if len(runs.time) == 1:
@@ -165,10 +167,45 @@ def to_xarray(runs: Runs) -> Any:
     return xarray.Dataset(variables, coordinates)
 
 
+def history_to_xarray(history: History) -> Any:
+    """Return a response history as an `xarray.Dataset`, with the dimensions time and story.
+
+    Raises
+    ------
+    UsageError
+        xarray is not installed.
+    """
+    xarray = import_optional("xarray", "to_xarray")
+    stories = history.rows or 1 + np.arange(history.drift.shape[1])
+    coordinates: dict[str, Any] = {"time": ("time", history.time, {"units": "s"})}
+    coordinates["story"] = ("story", np.array(stories))
+    variables: dict[str, Any] = {}
+    for name, unit in _HISTORY_UNITS.items():
+        values = getattr(history, name)
+        if values is not None:
+            dimensions = ("time", "element" if name == ELEMENT_FORCE else "story")
+            variables[name] = dimensions[: values.ndim], values, {"units": unit}
+    for name in ENERGY_TERMS:
+        variables[f"energy_{name}"] = "time", getattr(history.energy, name), {"units": "J"}
+    if history.element_force is not None:
+        coordinates["element"] = ("element", np.array(history.element_labels))
+    if history.devices is not None:
+        names = [*history.devices.attachments, *history.devices.links]
+        coordinates["device"] = ("device", np.array(names))
+        for name, values in vars(history.devices).items():
+            if name in _HISTORY_UNITS:
+                attributes = {"units": _HISTORY_UNITS[name]}
+                variables[f"device_{name}"] = ("time", "device"), values, attributes
+    del variables["time"]
+    return xarray.Dataset(variables, coordinates)
+
+
 RUN_COORDINATES = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
 """Coordinates of a run in addition to its number."""
 
-_HISTORY_UNITS = {quantity.name: quantity.unit for quantity in quantities(History)}
+_HISTORY_UNITS = {quantity.name: quantity.unit for quantity in quantities(History)} | {
+    ELEMENT_FORCE: "N"
+}
 
 
 def to_html(result: Any, caption: str) -> str:

@@ -119,6 +119,14 @@ class RunsRequest:
         return record_steps(run.steps, None if record is NO_MOTION else record.duration)
 
     @cached_property
+    def elements(self) -> int:
+        """Largest number of elements of stories with several elements in a building."""
+        models = (subject.model for subject in self.subjects)
+        return max(
+            (sum(len(item.elements) for item in model.stories) for model in models), default=0
+        )
+
+    @cached_property
     def stories(self) -> int:
         """Number of stories of the tallest building."""
         return max((len(subject.model.stories) for subject in self.subjects), default=0)

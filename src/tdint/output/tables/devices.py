@@ -6,6 +6,8 @@ import math
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tdint.model.definition import Attachment, Link
 from tdint.output.tables.elements import FRACTURE
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows, rows_of
@@ -140,6 +142,29 @@ def history_groups(
         return ()
     groups = ((devices.attachments, HISTORY_ATTACHMENT), (devices.links, HISTORY_LINK))
     return tuple((names, columns) for names, columns in groups if names)
+
+
+def device_columns(devices: DevicePeaks) -> list[Column]:
+    """Return the columns of the table of attachments and links, with error estimates if the run has
+    them. The motions of links, which have no mass, are nan."""
+    has_mass = np.arange(len(devices.stories.peak_drift)) < len(devices.attachments)
+
+    def of(part: str, column: Column) -> Column:
+        """Return the column of a quantity of the peaks (`stories`) or of their errors."""
+        values = Column.named(f"{part}.{column.value}", "").of(devices)
+        is_known = has_mass | (column.value in _OF_LINKS)
+        return column._replace(value=np.where(is_known, values, math.nan))
+
+    names = [*devices.attachments, *devices.links]
+    columns = [Column("device", "text", lambda _: names, "name of the attachment or link")]
+    columns += [of("stories", column) for column in ATTACHMENT_COLUMNS]
+    columns += ENERGY
+    if devices.errors is not None:
+        columns += [of("errors", column) for column in ATTACHMENT_ERROR]
+        columns += ENERGY_ERROR
+    if devices.inerter_force is not None:
+        columns += (*INERTER, *(INERTER_ERROR if devices.errors else ()))
+    return columns
 
 
 def device_tables(response: Response) -> tuple[Table | None, Table | None]:

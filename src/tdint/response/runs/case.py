@@ -642,7 +642,7 @@ class Case(Described):
         warnings = (*warnings, *_fracture_warnings(self.model, elements, devices))
         if collapse:
             stories = stories.without_residual()
-            devices = devices and devices._replace(stories=devices.stories.without_residual())
+            devices = devices and replace(devices, stories=devices.stories.without_residual())
         bound = interstep_peak_errors(self.building, space, late, slice(self.building.floors))
         oscillation = residual_oscillation(self.building, space)
         response = Response(

@@ -346,7 +346,7 @@ def with_error_estimate(
             if own is not None:
                 error = _extrapolated(own, finer_value, np.abs(own), factors(case.method))
                 more[f"{name}_error"] = error
-        devices = response.devices._replace(errors=device_errors, **more)
+        devices = replace(response.devices, errors=device_errors, **more)
         response = replace(response, devices=devices)
     errors = with_growth(errors, response.stories, growth) if growth else errors
     if response.flexure is not None and other.flexure is not None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import reduce
 from operator import sub
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from tdint.number_parsing import pluralize
 from tdint.response.runs.energy import ENERGY_TERMS, EnergyTerms
 from tdint.tabular import Described, WithTable
 from tdint.units import Quantity
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 Loads = tuple[Array, Array]
 """Forces on floors and points of their tables (`load_arrays`)."""
@@ -161,6 +164,24 @@ class History(WithTable):
         parts = list(chunks)
         return parts[0] if len(parts) == 1 else each_array(join_arrays, *parts)
 
+    def to_xarray(self) -> "Dataset":
+        """Return the quantities with units, as `Runs.to_xarray`.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions time and story, energies as `energy_NAME`; forces of elements with the
+            dimension element; quantities of attachments and links as `device_NAME` with the
+            dimension device.
+
+        Raises
+        ------
+        UsageError
+            xarray is not installed.
+        """
+        dataset: Dataset = type(self).tables().history_to_xarray(self)
+        return dataset
+
     def every(self, steps: int) -> "History":
         """Return every N-th step, from the first, as views of the arrays.
 
@@ -211,12 +232,11 @@ def named_history(
     has_elements = building.elements > 0
     part = slice(building.floors)
     series = {name: compute(building, loads, time, table) for name, compute in HISTORIES.items()}
-    first_element = first_energy + rows.ENERGY_TERMS
     return History(
         time=time,
         ground_acceleration=table[:, 0],
         energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=relative),
-        element_force=table[:, first_element:] if has_elements else None,
+        element_force=_element_force(building, loads, time, table) if has_elements else None,
         element_labels=building.element_labels,
         devices=_device_history(building, series) if building.branched else None,
         rows=building.system.names if building.system is not None else (),
@@ -321,6 +341,11 @@ def _damper_force(building: Building, loads: Loads, time: Array, table: Array) -
     return building.damper_force(force)
 
 
+def _element_force(building: Building, loads: Loads, time: Array, table: Array) -> Array:
+    """Return the forces of the elements, N, shape (rows, elements), the last columns of a row."""
+    return table[:, table.shape[1] - building.elements :]
+
+
 HISTORIES: dict[str, FieldFunction] = {
     "displacement": _stored_field(_DISPLACEMENT_FIELD),
     "velocity": _stored_field(_VELOCITY_FIELD),
@@ -331,3 +356,9 @@ HISTORIES: dict[str, FieldFunction] = {
     "total_shear": _total_shear,
 }
 """Functions that compute the fields of `History` for stories and floors, shape (rows, n)."""
+
+ELEMENT_FORCE = "element_force"
+"""Field of `History` with a column for each element instead of each story."""
+
+HISTORIES_OF_MANY = HISTORIES | {ELEMENT_FORCE: _element_force}
+"""Functions that compute the histories of many runs."""

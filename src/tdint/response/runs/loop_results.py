@@ -51,10 +51,16 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
         return None
     peaks = device_columns(building, all_peaks(building, space))
     bounds = interstep_peak_errors(building, space, late, building.device_columns)
-    result = DevicePeaks(peaks, device_energy(building, space), bounds)
+    result = DevicePeaks(
+        peaks,
+        device_energy(building, space),
+        bounds,
+        attachments=tuple(item.name for item in building.attachments),
+        links=tuple(item.name for item in building.links),
+    )
     if building.system is not None:
         forces = space.observer_state[INERTER_FORCE, building.device_columns]
-        return result._replace(inerter_force=forces.copy())
+        return replace(result, inerter_force=forces.copy())
     times, drifts = space.law_state[
         [rows.FRACTURE_TIME, rows.FRACTURE_DRIFT], building.device_columns
     ]
@@ -62,7 +68,8 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
         return result
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(drifts, np.abs(drifts) / peaks.peak_drift, 1.0)
-    return result._replace(
+    return replace(
+        result,
         stories=replace(peaks, ductility=peaks.ductility * shares),
         fracture_time=np.where(drifts, times, np.nan),
         fracture_drift=drifts * building.device_signs,

@@ -17,7 +17,12 @@ from tdint.fractiles import fractiles
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
-from tdint.response.runs.history import HISTORIES, History
+from tdint.response.runs.history import (
+    ELEMENT_FORCE,
+    HISTORIES,
+    HISTORIES_OF_MANY,
+    History,
+)
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
     Gradient,
@@ -318,31 +323,38 @@ _ARRAYS_OF_RUNS = (
 """Attributes of `Runs` with arrays whose first axis is the run."""
 
 
-def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
+def kept_quantities(history: bool | str | Sequence[str], elements: int) -> tuple[str, ...]:
     """Return the names of the requested history quantities without duplicates; all for True.
+
+    `elements` is the largest number of elements of a building.
 
     Raises
     ------
     UsageError
-        A quantity is unknown.
+        A quantity is unknown, or no building has elements.
     """
+    known = HISTORIES_OF_MANY if elements else HISTORIES
     if isinstance(history, bool | np.bool_):
-        return tuple(HISTORIES) if history else ()
+        return tuple(known) if history else ()
     names = (history,) if isinstance(history, str) else tuple(history)
     for name in names:
-        if name not in HISTORIES:
+        if name == ELEMENT_FORCE and not elements:
             raise UsageError(
-                f"unknown quantity {name!r}{did_you_mean(str(name), HISTORIES)} (known: "
-                f"{', '.join(HISTORIES)})"
+                f"history: {name} needs a building with several elements in a story (`elements`)"
+            )
+        if name not in known:
+            raise UsageError(
+                f"unknown quantity {name!r}{did_you_mean(str(name), HISTORIES_OF_MANY)} (known: "
+                f"{', '.join(HISTORIES_OF_MANY)})"
             )
     return tuple(dict.fromkeys(names))
 
 
-def history_arrays(shape: tuple[int, int, int], kept: tuple[str, ...], out: Any) -> HistoryArrays:
+def history_arrays(shapes: Mapping[str, tuple[int, int, int]], out: Any) -> HistoryArrays:
     """Return the arrays for the histories: the arrays of the caller (`out`), or new arrays of nan.
 
-    `shape` is the number of runs, number of rows of the longest run, and number of stories of the
-    tallest building.
+    `shapes` contains for each quantity the number of runs, number of rows of the longest run, and
+    number of stories of the tallest building, or the largest number of elements.
 
     Raises
     ------
@@ -351,15 +363,17 @@ def history_arrays(shape: tuple[int, int, int], kept: tuple[str, ...], out: Any)
     AnalysisError
         There is not enough memory for new arrays.
     """
+    kept = tuple(shapes)
     if out is None:
-        needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
+        needed, free = 8.0 * sum(map(math.prod, shapes.values())), available_memory()
         if needed > free:
             raise AnalysisError(
-                f"the histories of {shape[0]} runs need {needed / 1000000000.0:.3g} GB of "
+                f"the histories need {needed / 1000000000.0:.3g} GB of "
                 f"memory, {free / 1000000000.0:.3g} GB are free; keep fewer time steps with "
                 "every=, or pass arrays with out= (float32 or memory-mapped files)"
             )
-        return HistoryArrays({name: np.full(shape, math.nan) for name in kept}, False)
+        new = {name: np.full(shape, math.nan) for name, shape in shapes.items()}
+        return HistoryArrays(new, False)
     if not kept:
         raise UsageError(
             "out cannot be used, because no history is requested; omit out, or request a history"
@@ -371,6 +385,7 @@ def history_arrays(shape: tuple[int, int, int], kept: tuple[str, ...], out: Any)
             f"{', '.join(map(str, arrays)) or 'no array'}"
         )
     for name, array in arrays.items():
+        shape = shapes[name]
         if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
             received = (
                 f"{array.dtype} {array.shape}"
@@ -404,7 +419,8 @@ def store_values(
 
 
 class HistoryArrays(dict[str, NDArray[np.floating[Any]]]):
-    """Arrays of the histories by quantity while runs write to them, shape (runs, rows, stories).
+    """Arrays of the histories by quantity while runs write to them, shape (runs, rows, stories),
+    or (runs, rows, elements).
 
     The arrays have the rows of the longest record. Further rows of runs that continue after it are
     added when all runs are complete (`joined`), because their number is unknown before.

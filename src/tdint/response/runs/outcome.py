@@ -352,7 +352,8 @@ class ErrorEstimate(Described):
         return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
 
 
-class DevicePeaks(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class DevicePeaks(WithTable):
     """Peaks of the attachments and then the links of a building.
 
     Attributes
@@ -373,6 +374,8 @@ class DevicePeaks(NamedTuple):
         (m; 0 without); None if no spring has fractured. Ductilities end at the fracture.
     inerter_force, inerter_force_error : ndarray | None
         Maximum absolute forces of inerters and their estimated errors, N; None without inerters.
+    attachments, links : tuple of str
+        Names; empty for a run of a batch.
     """
 
     stories: StoryPeaks
@@ -384,6 +387,11 @@ class DevicePeaks(NamedTuple):
     fracture_drift: Array | None = None
     inerter_force: Array | None = None
     inerter_force_error: Array | None = None
+    attachments: tuple[str, ...] = ()
+    links: tuple[str, ...] = ()
+
+    def _headline(self) -> str:
+        return f"of {', '.join((*self.attachments, *self.links))}"
 
     def demands(self, attachments: int) -> dict[str, Array]:
         """Return the demands of one run that limits apply to (`tdint.model.limits`), shape

@@ -35,7 +35,7 @@ from tdint.response.arguments import (
 from tdint.response.run_plan import RunsRequest, plan_runs
 from tdint.response.runs.batch import NO_MOTION, Subject, run_batch, samples_of
 from tdint.response.runs.gradient import differentiate
-from tdint.response.runs.history import HISTORIES
+from tdint.response.runs.history import ELEMENT_FORCE, HISTORIES_OF_MANY
 from tdint.response.runs.many_results import (
     HistoryArrays,
     Runs,
@@ -151,7 +151,9 @@ def run_many(
     history : bool, str or sequence of str
         Quantities to keep at each time step: `displacement`, `velocity` (relative to the ground)
         and `absolute_acceleration` of the floors; `drift`, `shear`, `damper_force` and
-        `total_shear` of the stories. True keeps all quantities. As in `run`, a history has all rows
+        `total_shear` of the stories, and `element_force` of stories with several elements (arrays
+        over the elements, in the order of `History.element_labels`). True keeps all quantities. As
+        in `run`, a history has all rows
         to the end of the run, which continues after the record while a peak could grow
         (`Runs.record_rows` is the number of rows up to the end of the record).
     every : int, default 1
@@ -292,7 +294,7 @@ def _requested(
     # has checked every pair of building and sample. With `raise`, it checks all samples.
     invalid = request.out_of_range() if errors == "keep" else {}
     plan = plan_runs(request, scales, zip_records, {draw for _, draw in invalid})
-    quantities_kept = kept_quantities(history)
+    quantities_kept = kept_quantities(history, request.elements)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
     threads = processors() if jobs is None else jobs
@@ -396,7 +398,7 @@ def integrated(
     every : int
         Interval of the rows of the histories in time steps.
     kept : tuple of str
-        Histories to keep, by the names of `HISTORIES`, in new arrays.
+        Histories to keep, by the names of `HISTORIES_OF_MANY`, in new arrays.
     threads : int, optional
         Number of threads; by default the number of processors.
 
@@ -427,7 +429,8 @@ def _empty_result(
     the arrays `out` of the caller (`history_arrays`) if there are any.
     """
     most_steps = max((run.steps.count for run in plan), default=0)
-    shape = len(plan), most_steps // every + 1, request.stories
+    widths = {name: request.elements if name == ELEMENT_FORCE else request.stories for name in kept}
+    shapes = {name: (len(plan), most_steps // every + 1, width) for name, width in widths.items()}
     peaks, errors, corrected = (
         {
             field.name: np.full((len(plan), request.stories), math.nan)
@@ -447,7 +450,7 @@ def _empty_result(
         status=np.full(len(plan), INTERRUPTED, "<U24"),
         energy_error=np.full(len(plan), math.nan),
         stories=StoryPeaks(**peaks),
-        history=history_arrays(shape, kept, out),
+        history=history_arrays(shapes, out),
         every=every,
         failures={},
         varied={name: values[[run.draw for run in plan]] for name, values in request.vary.items()},
@@ -513,7 +516,7 @@ def _history_writer(
     prepared, h = subject.prepared, runs[0].steps.h
     # The functions compute a quantity from the rows of a history and write it to an array of the
     # result, because the next run overwrites the rows.
-    targets = [(name, HISTORIES[name]) for name in result.history]
+    targets = [(name, HISTORIES_OF_MANY[name]) for name in result.history]
     building, loads, n = prepared.building, prepared.loads, prepared.building.floors
     histories = _histories(result)
 
@@ -521,7 +524,8 @@ def _history_writer(
         """Write the history of run `i`, without attachments and links."""
         time = result.every * h * np.arange(len(rows), dtype=np.float64)
         for name, compute in targets:
-            values = compute(building, loads, time, rows)[:, :n]
+            width = building.elements if name == ELEMENT_FORCE else n
+            values = compute(building, loads, time, rows)[:, :width]
             histories.store(runs[i].number, name, values)
 
     return on_history
