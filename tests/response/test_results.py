@@ -155,7 +155,7 @@ def test_peaks_of_devices_have_names_a_table_and_a_short_description():
     np.testing.assert_allclose(table["peak_drift_mm"], 1e3 * devices.stories.peak_drift)
     np.testing.assert_array_equal(table["dissipated_energy_J"], devices.dissipated_energy)
     np.testing.assert_array_equal(table["peak_shear_N_error"], devices.errors.peak_shear)
-    assert np.isnan(table["peak_velocity_m_s"]).tolist() == [False, False, True]
+    assert np.isnan(table["peak_velocity_mm_s"]).tolist() == [False, False, True]
     without = tdint.run(model, MOTION, check=False).devices.to_dict()
     assert "peak_shear_N_error" not in without
 
@@ -184,7 +184,7 @@ def test_messages_and_notes_name_arguments():
     still = {"stories": [{"mass": 1e5, "stiffness": 4e7}], "initial": {"displacement": [0.1]}}
     with pytest.raises(UsageError, match=r"; specify dt, or analysis\.dt in"):
         tdint.run(still)
-    with pytest.raises(tdint.FailedRun, match="or use allow_unstable$") as caught:
+    with pytest.raises(tdint.FailedRun, match=r"or use allow_unstable$") as caught:
         tdint.run(still, method="central-difference", dt=0.5, duration=5.0)
     assert caught.value.message.endswith("use allow_unstable")
     undamped = {"stories": [{"mass": 1e5, "stiffness": 4e7}], "damping": 0.0}

@@ -8,7 +8,7 @@ import pytest
 
 import tdint
 from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
-from feature_buildings import building
+from feature_buildings import building as featured
 from small_buildings import MOTION
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.fractiles import fractiles
@@ -383,9 +383,9 @@ def test_runs_without_records():
 
 
 def test_forces_of_elements_are_histories():
-    walled = building(("elements",))
+    walled = featured(("elements",))
     scales = (1.0, 2.0)
-    runs = tdint.run_many([walled, building(("power",))], MOTION, scales=scales, history=True)
+    runs = tdint.run_many([walled, featured(("power",))], MOTION, scales=scales, history=True)
     assert runs.history["element_force"].shape == (4, runs.history["drift"].shape[1], 2)
     for i, scale in enumerate(scales):
         force = tdint.run(walled, MOTION.scaled(scale), history=True).history.element_force
@@ -394,4 +394,4 @@ def test_forces_of_elements_are_histories():
         assert np.isnan(kept[len(force) :]).all()
     assert np.isnan(runs.history["element_force"][2:]).all()
     with pytest.raises(UsageError, match="element_force needs a building with several elements"):
-        tdint.run_many(building(("power",)), MOTION, history="element_force")
+        tdint.run_many(featured(("power",)), MOTION, history="element_force")

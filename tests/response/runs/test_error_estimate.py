@@ -243,7 +243,7 @@ def building_with_a_gap():
 def test_the_note_on_a_slow_estimate_states_no_times(monkeypatch):
     """A quick run has no such note."""
     case = oscillator(2.0 * np.pi, displacement=(1.0,))
-    slow_run = "a second run estimates the errors, with most of the time; --no-check omits it"
+    slow_run = "a second run estimates the errors, with most of the time; check=False omits it"
     assert slow_run not in run(case, dt=0.02, duration=1.0, check=True).notes
     monkeypatch.setattr(error_estimate, "_SLOW_RUN", 0.0)
     assert slow_run in run(case, dt=0.02, duration=1.0, check=True).notes

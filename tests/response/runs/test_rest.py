@@ -121,7 +121,7 @@ def test_undamped_building_does_not_come_to_rest():
     response = run(oscillator(10.0), noise(), method="impulse4", until_rest=True)
     assert response.time_at_rest is None and moves(response)
     assert any(
-        note.endswith("; --until-rest stops after 100 first periods") for note in response.notes
+        note.endswith("; until_rest stops after 100 first periods") for note in response.notes
     )
     assert response.steps * response.dt == pytest.approx(8.0 + REST_PERIODS * 0.2 * np.pi, rel=0.01)
 

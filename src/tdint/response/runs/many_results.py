@@ -366,9 +366,10 @@ def history_arrays(shapes: Mapping[str, tuple[int, int, int]], out: Any) -> Hist
     kept = tuple(shapes)
     if out is None:
         needed, free = 8.0 * sum(map(math.prod, shapes.values())), available_memory()
+        runs = max((shape[0] for shape in shapes.values()), default=0)
         if needed > free:
             raise AnalysisError(
-                f"the histories need {needed / 1000000000.0:.3g} GB of "
+                f"the histories of {runs} runs need {needed / 1000000000.0:.3g} GB of "
                 f"memory, {free / 1000000000.0:.3g} GB are free; keep fewer time steps with "
                 "every=, or pass arrays with out= (float32 or memory-mapped files)"
             )
