@@ -16,6 +16,7 @@ from tdint.kernels.building import sources
 from tdint.kernels.building.load_or_compile import required
 from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import LAWS
+from tdint.kernels.stories.law_state import follow
 from tdint.response.runs.analysis_kernels import all_kernels
 
 PACKAGE = Path(tdint.__file__).parent
@@ -205,3 +206,10 @@ def test_directory_name_depends_only_on_versions(copy):
     assert sources.digest_of_all() != before
     assert folder_name.__wrapped__() == named
     stepping.write_text(text)
+
+
+def test_kernel_that_calls_laws_is_not_compiled_without_them():
+    """Such a kernel is requested with the laws of a building: without them, it would call address
+    zero."""
+    with pytest.raises(ValueError, match=r"law_state:follow calls laws: use `variant`"):
+        _ = follow.compiled

@@ -95,7 +95,14 @@ class Kernel(Compilable):
 
     @property
     def compiled(self) -> Callable[..., Any]:
-        """Compiled kernel with all features."""
+        """Compiled kernel with all features.
+
+        ValueError is raised if the kernel calls laws, which only `variant` loads.
+        """
+        from tdint.kernels.building.sources import closure
+
+        if self.has_forms and "tdint.kernels.laws.selection" in closure(self.name):
+            raise ValueError(f"{self.name} calls laws: use `variant` with the laws of the building")
         return self.variant(EVERYTHING)
 
     def variant(self, variant: Variant) -> Callable[..., Any]:

@@ -261,8 +261,7 @@ class LawTable:
         self.code_row = code_row
 
     def caller(self, hook: str) -> Any:
-        """Return a compiled function that calls a function of the law of a story with a tuple of
-        its arguments."""
+        """Return a compiled function that calls a function of the law of a story."""
         signature, slot = HOOKS[hook], list(HOOKS).index(hook)
         returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
 
@@ -299,7 +298,12 @@ class LawTable:
 
             return returns(passed), generate
 
-        return call
+        @inline
+        def call_law(*arguments):
+            """Call the function of the law with its arguments."""
+            return call(arguments)
+
+        return call_law
 
     def properties(self) -> Any:
         """Return a compiled function (law_parameters, i) -> properties of the law of a story."""

@@ -35,7 +35,8 @@ if COMPILES:
 else:
 
     def law_caller(hook: str) -> Any:
-        """Return a function that calls a function of the law of a story with its arguments.
+        """Return a function that calls a function of the law of a story with its arguments: table
+        `law_parameters`, table `law_state`, number of the story, and the others.
 
         Parameters
         ----------
@@ -43,7 +44,7 @@ else:
             Name of the function (`tdint.kernels.building.compilable.HOOKS`).
         """
 
-        def call(arguments: tuple[Any, ...]) -> Any:
+        def call(*arguments: Any) -> Any:
             """Call the function of the law of the story."""
             law = LAWS[arguments[0][rows.CODE, arguments[2]]]
             return hooks_of(law)[hook](*arguments)
@@ -64,16 +65,16 @@ _linear_keep, _bilinear_keep = _linear["keep"], _bilinear["keep"]
 _linear_dissipation = _linear["accumulate_dissipation"]
 _bilinear_dissipation = _bilinear["accumulate_dissipation"]
 _force = law_caller("force")
-_strain_energy = law_caller("strain_energy")
-_hysteretic_energy = law_caller("hysteretic_energy")
+strain_energy_of_law = law_caller("strain_energy")
+hysteretic_energy_of_law = law_caller("hysteretic_energy")
 _accumulate_dissipation = law_caller("accumulate_dissipation")
 _keep = law_caller("keep")
 _commit = law_caller("commit")
-_enter = law_caller("enter")
+enter_branch = law_caller("enter")
 _advance = law_caller("advance")
-_switch = law_caller("switch")
-_points = law_caller("points")
-_kink = law_caller("kink")
+switch_branch = law_caller("switch")
+points_on_path = law_caller("points")
+distance_to_kink = law_caller("kink")
 
 
 @inline
@@ -114,7 +115,7 @@ def force_of_law(law_parameters, law_state, i, previous, trial, drift):
         branch_block = branch_owner(law_state, i, previous)
         if remains_on_branch(law_state, i, branch_block, previous, drift):
             return move_on_branch(law_state, i, branch_block, previous, trial, drift)
-    return _force((law_parameters, law_state, i, previous, trial, drift))
+    return _force(law_parameters, law_state, i, previous, trial, drift)
 
 
 @inline
@@ -126,7 +127,7 @@ def advance_rows(law_parameters, law_state, i, block, step, mean_force):
     elif code == _BILINEAR:
         _bilinear_advance(law_parameters, law_state, i, block, step, mean_force)
     else:
-        _advance((law_parameters, law_state, i, block, step, mean_force))
+        _advance(law_parameters, law_state, i, block, step, mean_force)
 
 
 @inline
@@ -138,7 +139,7 @@ def accumulate_dissipation_of_law(law_parameters, law_state, i, previous, trial)
     elif code == _BILINEAR:
         _bilinear_dissipation(law_parameters, law_state, i, previous, trial)
     else:
-        _accumulate_dissipation((law_parameters, law_state, i, previous, trial))
+        _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
 
 
 @inline
@@ -150,7 +151,7 @@ def keep_rows(law_parameters, law_state, i, previous, trial):
     elif code == _BILINEAR:
         _bilinear_keep(law_parameters, law_state, i, previous, trial)
     else:
-        _keep((law_parameters, law_state, i, previous, trial))
+        _keep(law_parameters, law_state, i, previous, trial)
 
 
 @inline
@@ -164,40 +165,4 @@ def commit_law(law_parameters, law_state, i, previous, trial):
     elif code == _BILINEAR:
         _bilinear_commit(law_parameters, law_state, i, previous, trial)
     else:
-        _commit((law_parameters, law_state, i, previous, trial))
-
-
-@inline
-def strain_energy_of_law(law_parameters, law_state, i):
-    """Return the energy that the law in column `i` stores in its committed state, J."""
-    return _strain_energy((law_parameters, law_state, i))
-
-
-@inline
-def hysteretic_energy_of_law(law_parameters, law_state, i):
-    """Return the energy that the law in column `i` has dissipated until the committed state, J."""
-    return _hysteretic_energy((law_parameters, law_state, i))
-
-
-@inline
-def enter_branch(law_parameters, law_state, i):
-    """Set the branch of the law in column `i` from its committed state."""
-    _enter((law_parameters, law_state, i))
-
-
-@inline
-def switch_branch(law_parameters, law_state, i, block, event):
-    """Set the branch of the law in column `i` that follows after an event."""
-    _switch((law_parameters, law_state, i, block, event))
-
-
-@inline
-def points_on_path(law_parameters, law_state, i, drift_change):
-    """Return the number of Gauss points of the law in column `i` on a path."""
-    return _points((law_parameters, law_state, i, drift_change))
-
-
-@inline
-def distance_to_kink(law_parameters, law_state, i, block, side):
-    """Return the drift change after which the force of the law in column `i` has a kink, m."""
-    return _kink((law_parameters, law_state, i, block, side))
+        _commit(law_parameters, law_state, i, previous, trial)
