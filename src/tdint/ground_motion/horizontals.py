@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from math import isclose
+from os.path import commonprefix
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -632,8 +633,9 @@ def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
     for first, other in map(sorted, [*pairwise(by_start), *pairwise(by_end)]):
         # `start` is the number of equal characters at the start of both names, and `end` at their
         # end. The two parts must not overlap.
-        start = _common_start(first, other)
-        end = min(_common_start(first[::-1], other[::-1]), len(first) - start, len(other) - start)
+        start = len(commonprefix([first, other]))  # noqa: RUF071  of letters
+        end = len(commonprefix([first[::-1], other[::-1]]))  # noqa: RUF071  of letters
+        end = min(end, len(first) - start, len(other) - start)
         # The common start must not end inside a number of either name: a000 and a090 give {}000 and
         # {}090, not {}00 and {}90; a1 and a10 give {}1 and {}10.
         while start and any(_is_in_number(text, start) for text in (first, other)):
@@ -658,11 +660,3 @@ def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
 def _is_in_number(text: str, index: int) -> bool:
     """Return True if the characters of a text before and at an index are both digits."""
     return text[index - 1 : index].isdigit() and text[index : index + 1].isdigit()
-
-
-def _common_start(text: str, other: str) -> int:
-    """Return the number of characters that two texts have in common at their start."""
-    return next(
-        (i for i, (a, b) in enumerate(zip(text, other, strict=False)) if a != b),
-        min(len(text), len(other)),
-    )

@@ -532,7 +532,7 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
         for spring in story.springs:
             # A gap is the only parameter with the name of its law.
             gap = spring.law.values.get(spring.law.name, math.nan)
-            values["gap"][i] = gap if math.isnan(height) else math.nan
+            values["clearance"][i] = gap if math.isnan(height) else math.nan
             values["wide_gap"][i] = gap / height
             stiffest = spring.law.values.get("stop_stiffness", spring.stiffness)
             if story.elements and 0.0 < stiffest < USUAL["element"].low * story.stiffness:
