@@ -305,6 +305,8 @@ def columns():
         "tdint scale": studies.scaling_tables.FACTORS,
         "tdint ida": studies.ida_tables.CAPACITIES,
         "ida.csv of tdint ida": studies.ida_tables.IDA,
+        "fractiles.csv of tdint ida": studies.ida_tables.FRACTILES,
+        "margin.csv of tdint ida": studies.ida_tables.MARGIN,
         "tdint fragility": (
             *functions.FRAGILITY,
             functions.FRAGILITY_TOTAL,

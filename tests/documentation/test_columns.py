@@ -67,7 +67,11 @@ COMMANDS = {
     "tdint scale": "records/firm-soil.mseed --to pga=0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
-    "tdint fragility": "configs/stripes.csv --modeling-dispersion 0.2",
+    "fractiles.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im "
+    "1.2m/s^2",
+    "margin.csv of tdint ida": f"{FRAME} records/near-fault.mseed --precision 50% --p695 "
+    "smt=0.1g,ductility=2,sdc=B,dr=good,td=good,mdl=good",
+    "tdint fragility": "configs/stripes.csv --modeling-dispersion 0.2 --hazard {folder}/hazard.csv",
     "tdint fragility --im sa,pga": "{folder}",
     "tdint methods": "",
     "tdint stability": "--method impulse4 --dt-over-t 0.1",
@@ -118,6 +122,7 @@ def folder(tmp_path_factory):
         f"{motion}}}}}",
         "classes.csv": "class,sd_m,sa_g\nA,0.01,0.2\nA,0.05,0.3\n",
         "of-classes.csv": "id,class,NumberOfStories\none,A,2\n",
+        "hazard.csv": "im,rate\n0.01,0.1\n100,1e-7\n",
         "published.csv": "period_s,psa_g\n1,0.1\n2,0.1\n",
         "campaign.yaml": f"{frames}{one_component}analysis: {{method: newmark-average}}\noutputs: "
         f"{{stories: true}}\n",

@@ -9,7 +9,13 @@ import pytest
 
 import tdint
 from facts import states
-from tdint.model.limits import Limit, by_level, check_limits, chosen_limits
+from tdint.model.limits import (
+    Limit,
+    by_level,
+    check_limits,
+    chosen_limits,
+    design_demands,
+)
 from tdint.units import STANDARD_GRAVITY
 
 MODEL = """units: {length: mm, force: kN, mass: t}
@@ -241,3 +247,14 @@ def test_undamped_building_under_ground_motion_causes_warning():
     assert not any(
         text in warning for warning in tdint.run(io.StringIO(without_check), record).warnings
     )
+
+
+def test_one_unacceptable_response_of_eleven():
+    """ASCE 7-16, 16.4.1.1: 1.2 times the median over all motions, the unacceptable response being
+    the largest, but at least the mean of the others; another program computed these values. The
+    median of the acceptable responses would give 2.16."""
+    acceptable = np.array([1.1, 1.3, 1.4, 1.6, 1.7, 1.9, 2.0, 2.2, 2.5, 2.9])[:, np.newaxis]
+    assert design_demands(acceptable) == pytest.approx(1.86, rel=1e-12)
+    assert design_demands(acceptable, unacceptable=1) == pytest.approx(2.28, rel=1e-12)
+    skewed = np.where(acceptable == 2.9, 20.0, acceptable)
+    assert design_demands(skewed, unacceptable=1) == pytest.approx(3.57, rel=1e-12)

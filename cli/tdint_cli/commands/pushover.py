@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from tdint.errors import AnalysisError
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.option_types import Count, drift_size
+from tdint_cli.options.option_types import Count, Number, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import note, say, warn
 
@@ -52,9 +54,33 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
 @options.spectra.target(
     "Write the target displacement for a design spectrum instead of the pushover curve"
 )
+@options.option(
+    "--site-class",
+    needs="--target",
+    type=click.Choice(("A", "B", "C", "D", "E", "F"), case_sensitive=False),
+    default="D",
+    rare=True,
+    help="Site class of the coefficient C1 of ASCE 41-17; D by default.",
+)
+@options.option(
+    "--mass-factor",
+    needs="--target",
+    type=Number(0.0, 1.0, min_open=True),
+    default=1.0,
+    metavar="C_M",
+    rare=True,
+    help="Factor C_m of ASCE 41-17, table 7-4, for effective periods up to 1 s; 1 by default.",
+)
 @options.output.to_files(picture=options.output.PICTURE, page=True)
 def command(
-    model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs
+    model: str,
+    pattern: str,
+    drift: DriftSize,
+    points: int,
+    target: str | None,
+    site_class: str,
+    mass_factor: float,
+    outputs: Outputs,
 ) -> None:
     """Run a static pushover analysis: base shear over roof displacement.
 
@@ -64,7 +90,7 @@ def command(
     MODEL.yaml is a model file, - is standard input. CSV, one row per step: roof displacement and
     its ratio to the height, base shear, story drifts. With --target, one row per method and story:
     the drift at the target displacement, by the N2 method (EN 1998-1, annex B) and by the
-    coefficient method (ASCE 41-17, site class D, C_m 1). Roof displacement, base shear and
+    coefficient method (ASCE 41-17). Roof displacement, base shear and
     equivalent oscillator are reported on standard error and in the JSON file next to -o.
     """
     from tdint.model.config.model_file import load_model
@@ -87,7 +113,9 @@ def command(
         from tdint.response.static.target_displacement import target_displacements
 
         try:
-            targets = tuple(target_displacements(result, target))
+            targets = tuple(
+                target_displacements(result, target, site_class=site_class, mass_factor=mass_factor)
+            )
         except AnalysisError as error:
             beyond = error
     if not targets:
@@ -169,7 +197,12 @@ def _target_sentence(target: TargetDisplacement, units: OutputUnits) -> str:
         )
     else:
         c1, c2 = target.factors
-        factors = f"C0 {target.participation:.4g}, C1 {c1:.4g}, C2 {c2:.4g}"
+        factors = (
+            f"C0 {target.participation:.4g}, C1 {c1:.4g}, C2 {c2:.4g}, C_m {target.mass_factor:g}, "
+            f"site class {target.site_class} (a {target.site_factor:g})"
+        )
+        if math.isfinite(target.largest_ratio):
+            factors += f", mu_max {target.largest_ratio:.3g}"
     return (
         f"{target.method}: roof displacement {units.text(target.roof_displacement, 'm')}, base "
         f"shear {units.text(target.base_shear, 'N')}; T {target.period:.4g} s, Sa "

@@ -71,6 +71,8 @@ class SuiteRequest:
         Events on the maps; None for all.
     polygons : str | None
         GeoJSON file with the polygons of the districts; by default their buildings are points.
+    risk_category : str | None
+        Risk category of ASCE 7, which may accept an unacceptable response; None: none is accepted.
     """
 
     output: str | None
@@ -91,6 +93,7 @@ class SuiteRequest:
     geojson: bool = False
     event: tuple[str, ...] | None = None
     polygons: str | None = None
+    risk_category: str | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
         """Return the file of the figure; None if no figure is requested.
@@ -143,6 +146,17 @@ LIMIT = analysis.option(
     "of the model; the name of a performance level selects its limits.",
 )
 """The option --limit."""
+
+
+RISK_CATEGORY = analysis.option(
+    type=click.Choice(("I", "II", "III", "IV"), case_sensitive=False),
+    rare=True,
+    help="Risk category of ASCE 7. In categories I and II, one ground motion with a collapse or "
+    "without a result is accepted unless motions are matched to a spectrum: the demand that is "
+    "compared with a limit is then the larger of 1.2 times the median over all motions and the "
+    "mean over the others (ASCE 7-16, 16.4.1.1).",
+)
+"""The option --risk-category."""
 
 
 REQUIRE = analysis.option(

@@ -9,7 +9,7 @@ from tdint_cli.studies.campaign_request import CampaignRequest
 
 # Each mode of the command lists its options. The advice states why an option cannot be used.
 _TABLE_OPTIONS = frozenset(
-    ("output_units", "overwrite", "plot", "limit", "baseline", "by", "pair_demand")
+    ("output_units", "overwrite", "plot", "limit", "risk_category", "baseline", "by", "pair_demand")
 )
 _RUN_OPTIONS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors", "changed"))
 _NO_MODELS = dict.fromkeys(

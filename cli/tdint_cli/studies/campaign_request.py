@@ -8,7 +8,7 @@ from tdint.number_parsing import parse_head
 from tdint.units import OutputUnits
 from tdint_cli import options
 from tdint_cli.options.option_types import FileName, ListOf, Written
-from tdint_cli.options.suite import CHANGED, LIMIT, REQUIRE, SuiteRequest
+from tdint_cli.options.suite import CHANGED, LIMIT, REQUIRE, RISK_CATEGORY, SuiteRequest
 from tdint_cli.studies import options as study_options
 
 
@@ -89,6 +89,7 @@ class CampaignRequest(SuiteRequest):
     changed: bool = CHANGED
     limit: float | str | None = LIMIT
     require: bool = REQUIRE
+    risk_category: str | None = RISK_CATEGORY
     pair_demand: str | None = options.record.pair_demand()
     baseline: str | None = options.analysis.option(
         metavar="NAME",

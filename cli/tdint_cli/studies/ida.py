@@ -39,12 +39,15 @@ if TYPE_CHECKING:
     from tdint.arrays import Array
     from tdint.files import Content
     from tdint.model.definition import Model
+    from tdint.studies.ida.collapse_margin import Acceptance, CollapseMargin
     from tdint.studies.ida.ida import IdaSettings, IdaStudy
     from tdint.studies.ida.ida_curve import Mainshock
     from tdint.studies.motions.intensity import IntensityMeasure
     from tdint.units import OutputUnits, Units
 
-RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
+MARGIN = "margin.csv"
+RUNS, CAPACITIES, FRACTILES = "ida.csv", "capacities.csv", "fractiles.csv"
+SUMMARY = "ida.json"
 _MAX_ENERGY_ERROR = 0.01
 """Energy error of a run divided by its input energy. A warning lists runs with larger errors, as
 their drifts are not reliable."""
@@ -61,6 +64,13 @@ def _measure(name: str) -> str:
             f"{reason}; use one of {', '.join(_measures())}"
         )
     return str(click.Choice(_measures()).convert(name, None, None))
+
+
+def _acceptance(text: str) -> Acceptance:
+    """Return the design of --p695."""
+    from tdint.studies.ida.collapse_margin import Acceptance
+
+    return Acceptance.parse(text)
 
 
 def _measures() -> tuple[str, ...]:
@@ -120,6 +130,17 @@ class IdaRequest(RecordsRequest):
         "the medians of the damage states of the model, if they refer to drift_ratio; otherwise "
         "1%,2%,4%."
     )
+    p695: Acceptance | None = study_options.option(
+        needs="--im sa",
+        type=Written("design", _acceptance),
+        metavar="smt=1.5g,...",
+        rare=True,
+        help="Also compute the collapse margin by FEMA P-695, for pairs of components: smt=1.5g "
+        "(intensity of the maximum considered earthquake at --period T), ductility (period-based, "
+        "mu_T), sdc (B, C, Dmin, Dmax), and the ratings superior, good, fair or poor of design "
+        f"requirements (dr), test data (td) and modeling (mdl). Written to {MARGIN} in the "
+        "directory of -o.",
+    )
     after: str | None = options.option(
         needs="--damage",
         type=FileName(),
@@ -147,7 +168,8 @@ class IdaRequest(RecordsRequest):
     )
     output: str | None = options.output.output(
         "DIR",
-        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} to this directory. If it contains an "
+        f"Write {RUNS}, {CAPACITIES}, {FRACTILES} (16, 50 and 84 % of the intensity over the drift "
+        f"ratio) and {SUMMARY} to this directory. If it contains an "
         "interrupted analysis with the same settings, continue that analysis.",
     )
     plot: str | None = options.output.plot(
@@ -202,6 +224,7 @@ def command(request: IdaRequest) -> None:
     from tdint.ground_motion.measures import cut_off
     from tdint.model.config.model_file import load_model
     from tdint.response.runs.settings import settings_from
+    from tdint.studies.ida.collapse_margin import FAR_FIELD, check_motions, collapse_margin
     from tdint.studies.ida.ida import IdaSettings, ida
     from tdint.studies.motions.pairs import LARGER
 
@@ -223,6 +246,8 @@ def command(request: IdaRequest) -> None:
     suite, _ = read_table_of_factors(
         request.records, request.factors, request.choice, request.pairs
     )
+    if request.p695:
+        check_motions(suite.motions, request.pair_demand)
     note(*cut_off(suite.records, request.duration or model.analysis.duration or math.inf))
     mainshock = _read_mainshock(request)
     with progress_bar(request.output is None) as show_progress:
@@ -245,8 +270,13 @@ def command(request: IdaRequest) -> None:
     if folder is None:
         emit_table(studies.ida_tables.capacity_table(shown_study))
     unused = [str(error) for error in suite.failures]
-    _write(request, study, shown_study, settings, units, unused)
+    margin = collapse_margin(study, request.p695) if request.p695 else None
+    _write(request, study, shown_study, settings, units, unused, margin)
     _report(shown_study, request.precision)
+    if margin:
+        say(*margin.sentences)
+        if margin.components < FAR_FIELD:
+            note(f"p695: {margin.components} components; the far-field set has {FAR_FIELD}")
     if suite.failures:
         raise Failures(suite.failures)
 
@@ -299,7 +329,8 @@ def _folder(request: IdaRequest) -> Path | None:
 
     folder = Path(request.output) if request.output else None
     picture = request.picture
-    files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
+    names = (RUNS, CAPACITIES, FRACTILES, SUMMARY, *((MARGIN,) if request.p695 else ()))
+    files = [folder / name for name in names] if folder else []
     pages = [Path(request.report)] if request.report else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else []), *pages]))
     # Files that an earlier call of the study has written may be replaced.
@@ -321,6 +352,7 @@ def _write(
     settings: IdaSettings,
     units: OutputUnits,
     unused: list[str],
+    margin: CollapseMargin | None,
 ) -> None:
     """Write the tables, the summary and the figure of the study.
 
@@ -329,16 +361,22 @@ def _write(
     """
     from tdint.methods.catalogue import resolved
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
+    from tdint.output.tables.table import Table
     from tdint.response.runs.settings import RunSettings, settings_from
     from tdint.studies.ida.ida import STORE
     from tdint.studies.store.opening import open_written, replacement_of, write_from_store
 
     files: dict[Path, Content] = {}
     if request.output:
-        runs_table = studies.ida_tables.ida_table(shown)
-        capacities_table = studies.ida_tables.capacity_table(shown)
-        files[Path(request.output) / RUNS] = runs_table.in_units(units).csv()
-        files[Path(request.output) / CAPACITIES] = capacities_table.in_units(units).csv()
+        tables = {
+            RUNS: studies.ida_tables.ida_table(shown),
+            CAPACITIES: studies.ida_tables.capacity_table(shown),
+            FRACTILES: studies.ida_tables.fractile_table(shown),
+        }
+        if margin:
+            tables[MARGIN] = Table.of_results(studies.ida_tables.MARGIN, [margin])
+        for name, table in tables.items():
+            files[Path(request.output) / name] = table.in_units(units).csv()
         summary_settings = {
             "model": inputs_summary([model_input(study.model)])[0],
             "method": study.method,
@@ -355,7 +393,7 @@ def _write(
             **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
         }
         records = [record_summary(curve.record) for curve in study.states[0].curves]
-        meanings = {**runs_table.meanings, **capacities_table.meanings}
+        meanings = {key: text for table in tables.values() for key, text in table.meanings.items()}
         content = table_summary("ida", summary_settings, records, meanings)
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
@@ -364,7 +402,7 @@ def _write(
             picture.suffix, lambda: studies.ida_figures.ida_picture(shown)
         )
     if request.report:
-        files[Path(request.report)] = _page(request, study, settings, unused)
+        files[Path(request.report)] = _page(request, study, settings, unused, margin)
     # Without a directory, no store lists the files of earlier calls.
     if not request.output:
         write_files(files, overwrite=request.overwrite)
@@ -376,7 +414,13 @@ def _write(
         write_from_store(store, files, file, {})
 
 
-def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:
+def _page(
+    request: IdaRequest,
+    study: IdaStudy,
+    settings: IdaSettings,
+    unused: list[str],
+    margin: CollapseMargin | None,
+) -> bytes:
     """Return the HTML page of --report.
 
     `unused` contains the error messages of the records that could not be read.
@@ -390,6 +434,7 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
     page_text = PageText(
         warnings=[*unused, *warnings, *_reliability_warnings(study, request.precision)],
         head=study.model.page_head,
+        sentences=margin.sentences if margin else (),
     )
     return ida_page(study.in_units(units), settings, page_text, units, damping=request.damping)
 

@@ -127,7 +127,39 @@ class SuiteResults:
     @cached_property
     def checks(self) -> list[tuple[Profile, Sequence[LimitCheck]]]:
         """Comparisons of each profile with the limits of the command line or of its model."""
-        return [(profile, profile.limit_checks(self.request.limit)) for profile in self.profiles]
+        return [
+            (profile, profile.limit_checks(self.request.limit, accepted=self._accepted))
+            for profile in self.profiles
+        ]
+
+    @cached_property
+    def _accepted(self) -> int:
+        """Number of unacceptable responses that the risk category accepts (ASCE 7-16, 16.4.1.1)."""
+        category = self.request.risk_category
+        return int(bool(category) and category in ("I", "II") and not self._is_matched)
+
+    @cached_property
+    def _is_matched(self) -> bool:
+        """True if a ground motion was matched to a spectrum."""
+        origins = (MotionOrigin.of(entry["origin"]) for entry in self.store.origins().values())
+        return any(origin.target for origin in origins)
+
+    def _lost_reason(self, profile: Profile) -> str:
+        """Return the reason why no limit is met, or how an unacceptable response is accepted; empty
+        if all runs are completed without collapse."""
+        reason = profile.lost_text
+        if not reason or not self.request.risk_category:
+            return reason
+        if profile.counts.lost <= self._accepted:
+            return (
+                f"{reason}: this demand is the larger of 1.2 times the median over all motions, "
+                "the unacceptable one being the largest, and the mean over the others (ASCE 7-16, "
+                "16.4.1.1)"
+            )
+        why = ", and none if motions are matched to a spectrum" if self._is_matched else ""
+        return (
+            f"{reason}, and ASCE 7-16, 16.4.1.1, accepts one in the risk categories I and II{why}"
+        )
 
     @cached_property
     def _motions_clause(self) -> str:
@@ -335,7 +367,8 @@ class SuiteResults:
         for profile, checks in self.checks:
             if not self.is_limited(profile):
                 continue
-            lost = profile.lost_text and f" ({profile.lost_text})"
+            lost = self._lost_reason(profile)
+            lost = lost and f" ({lost})"
             addition = f" Demand of pairs: {profile.pair_demand}." if profile.pair_demand else ""
             if clause := self._motions_clause:
                 addition += f" {pluralize(profile.counts.motions, 'ground motion')}, {clause}."

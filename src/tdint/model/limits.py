@@ -171,13 +171,45 @@ class LimitCheck:
         return self.demand / self.limit
 
 
+_UNACCEPTABLE_FACTOR = 1.2
+"""Factor on the median with an unacceptable response (ASCE 7-16, 16.4.1.1)."""
+
+
+def design_demands(demands: Array, *, unacceptable: int = 0) -> Array:
+    """Return the demand of a suite that is compared with a limit: the mean over the motions.
+
+    With unacceptable responses, it is the larger of 1.2 times the median over all motions, in which
+    an unacceptable response is larger than every value, and the mean over the other motions (ASCE
+    7-16, 16.4.1.1, which accepts one unacceptable response).
+
+    Parameters
+    ----------
+    demands : ndarray, shape (motions, ...)
+        Demands under the motions with an acceptable response.
+    unacceptable : int
+        Number of unacceptable responses; default 0.
+    """
+    import numpy as np
+
+    from tdint.fractiles import fractiles
+
+    mean: Array = np.mean(demands, axis=0)
+    if not unacceptable:
+        return mean
+    largest = np.full((unacceptable, *demands.shape[1:]), math.inf)
+    median = fractiles(np.concatenate([demands, largest]), (0.5,))[0]
+    value: Array = np.maximum(_UNACCEPTABLE_FACTOR * median, mean)
+    return value
+
+
 def check_limits(
     limits: Iterable[Limit],
     peaks: Mapping[str, Array],
     height: Array,
     motions: Sequence[str],
+    unacceptable: int = 0,
 ) -> tuple[LimitCheck, ...]:
-    """Compare limits with the demands of a building.
+    """Compare limits with the demands of a building (`design_demands`).
 
     Parameters
     ----------
@@ -205,7 +237,7 @@ def check_limits(
             all_demands = abs(all_demands) / height
         demands, story_numbers, limit_values = limit.applies_to(all_demands)
         # Use the maximum of the story means, as in design codes, not the mean of the maxima.
-        mean_demands = np.mean(demands, axis=0)
+        mean_demands = design_demands(demands, unacceptable=unacceptable)
         # `argmax` returns the index of the first nan, if any: a limit with an unknown demand is
         # not met.
         governing = int(np.argmax(mean_demands / limit_values))
@@ -237,13 +269,15 @@ def check_demands(
     *,
     name: str,
     has_failure: bool,
+    unacceptable: int = 0,
 ) -> tuple[LimitCheck, ...]:
     """Select the limits that apply to a building, and compare them with the demands of a run or
     with the mean demands of a suite. Without motions the result is empty.
 
     `requested` is a drift limit that is used instead of the limits of the model, or the name of a
     performance level of the model. Heights are nan for isolators. If the building collapsed, or has
-    no result, under a motion (`has_failure`), no limit is met.
+    no result, under a motion (`has_failure`), no limit is met. `unacceptable` is the number of
+    accepted motions of this kind (`design_demands`).
 
     Raises
     ------
@@ -260,7 +294,7 @@ def check_demands(
                 f"{name}: these results contain no attachments and links, which the limit "
                 f"`{limit.quantity}` requires; use `tdint run` or a campaign, or another limit"
             )
-    checks = check_limits(limits, peaks, height, motions)
+    checks = check_limits(limits, peaks, height, motions, unacceptable)
     return tuple(replace(check, within=False) for check in checks) if has_failure else checks
 
 

@@ -42,7 +42,7 @@ STUDY = (
     "ida", "--pair-demand", "separate", "shaken.yaml", "motion.mseed", "other.mseed",
     *UNITS, "-o", "out", "--plot",
 )  # fmt: skip
-TABLES = ("ida.csv", "capacities.csv", "ida.json")
+TABLES = ("ida.csv", "capacities.csv", "fractiles.csv", "ida.json")
 
 
 @pytest.fixture(scope="module")
@@ -145,6 +145,18 @@ def test_a_study_and_its_files(studied, tdint):
         assert (lower, upper) == (max(im for im in stable if im < collapse), collapse)
         assert upper / lower <= 1.05 + 1e-9
         assert {row["censored"] for row in below} == {"false"}
+    # The last points of the fractile curves are the fractiles of the collapse capacities.
+    curve = rows(out / "fractiles.csv")
+    assert [float(row["drift_ratio"]) for row in curve] == pytest.approx(
+        [0.1 * i / 239 for i in range(1, 240)]
+    )
+    collapses = sorted(float(row["capacity"]) for row in capacities if row["threshold"] == "0.1")
+    low, middle, high = collapses
+    last = [float(curve[-1][name]) for name in ("p16", "median", "p84")]
+    assert last == pytest.approx(
+        [low * (middle / low) ** 0.32, middle, middle * (high / middle) ** 0.68], rel=1e-9
+    )
+    assert {(row["motions"], row["unit"]) for row in curve} == {("3", "m/s^2")}
     summary = json.loads((out / "ida.json").read_text())
     assert summary["settings"]["collapse_drift"] == 0.1
     assert summary["columns"]["capacity"]["unit"] == "m/s^2"
@@ -297,3 +309,32 @@ def test_pairs(folder, tdint):
     assert {(row["component"], row["im_name"]) for row in rows(result.stdout)} == {
         (component, "rotd50-sa(1.09504)") for component in ("HNE", "HNN")
     }
+
+
+def test_collapse_margin(folder, tdint):
+    """The margin counts components. It follows from the scale factors at collapse divided by the
+    normalization, in the table of the runs."""
+    design = "smt=0.05g,ductility=3,sdc=B,dr=good,td=good,mdl=good"
+    call = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--period", 0.5)
+    result = tdint(*call, "--p695", design, "-o", "out", "--report", "page.html", code=0)
+    (margin,) = rows("out/margin.csv")
+    # One pair: the normalization is 1, and value n/2 of two components is the smaller factor.
+    factors = []
+    for component in ("HNE", "HNN"):
+        levels = [row for row in rows("out/ida.csv") if row["component"] == component]
+        fell = min(float(row["scale"]) for row in levels if row["status"] == "collapsed")
+        stood = [float(row["scale"]) for row in levels if row["status"] == "done"]
+        factors.append((fell * max(scale for scale in stood if scale < fell)) ** 0.5)
+    assert float(margin["factor"]) == pytest.approx(min(factors), rel=1e-9)
+    alone = tdint("spectrum", "motion.mseed", *UNITS, "--period", 0.5, "--damping", "5%", code=0)
+    sa = [float(row["psa_m_s2"]) for row in rows(alone.stdout)]
+    assert float(margin["s_ct_m_s2"]) == pytest.approx(sum(sa) / 2.0 * min(factors), rel=1e-6)
+    assert float(margin["cmr"]) == pytest.approx(
+        float(margin["s_ct_m_s2"]) / (0.05 * 9.80665), rel=1e-9
+    )
+    assert margin["components"] == "2"
+    assert "ACMR" in result.stderr and "far-field set has 44" in result.stderr
+    assert "CMR is not multiplied by 1.2" in (folder / "page.html").read_text("utf-8")
+    refused = tdint(*call, "--component", "HNE", "--p695", design, code=2).stderr
+    assert "this component has no partner" in refused
+    tdint.refused("without --im sa", *call[:-2], "--im", "pga", "--p695", design)

@@ -236,11 +236,23 @@ def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: 
         if (row["quantity"], row["story"]) == ("peak_drift", "1")
     )
     assert (row["scale"], row["runs"], row["collapsed"], row["failed"]) == ("", "3", "1", "0")
-    peaks = []
+    peaks, ratios = [], []
     for record in ("other.mseed", "third.mseed"):
         single_run = tdint("run weak.yaml", record, "--units", "m/s^2", "--scale", factors[record])
         peaks.append(float(rows(single_run.stdout)[0]["peak_drift_m"]))
+        ratios.append(float(rows(single_run.stdout)[0]["peak_drift_ratio"]))
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
+    # Risk category II accepts the collapse; the demand is then 1.2 times the median of all motions,
+    # which is the larger of the other two.
+    export = ("campaign", "export", "out", "--limit", "50%", "--require", "--risk-category")
+    accepted = tdint(*export, "II", code=0).stderr
+    assert f"Mean drift {120.0 * max(ratios):.3g} %" in accepted
+    assert (
+        "met (of 3 ground motions, 1 collapsed: this" in accepted
+        and "1.2 times the median" in accepted
+    )
+    refused = tdint(*export, "III", code=5).stderr
+    assert "accepts one in the risk categories I and II" in refused
 
 
 def test_at_most_ten_of_many_buildings_are_listed(study: Path, tdint: Command) -> None:

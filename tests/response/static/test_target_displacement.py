@@ -11,6 +11,11 @@ from building_cases import Law, model, story
 from selection import every
 from tdint import pushover, target_displacements
 from tdint.errors import AnalysisError, UsageError
+from tdint.response.static.target_displacement import (
+    SITE_FACTORS,
+    coefficient_displacement,
+    largest_strength_ratio,
+)
 from tdint.units import STANDARD_GRAVITY as G
 
 EC8 = "ec8:type=1,soil=C,ag=0.25g"
@@ -103,6 +108,41 @@ def test_coefficient_method_of_oscillator_agrees_with_hand_calculation(
     assert target.roof_displacement == pytest.approx(
         displacement, rel=5e-5
     )  # the digits that were written down
+
+
+@pytest.mark.parametrize(
+    ("period", "mass_factor", "ratio", "c1", "c2", "displacement"),
+    [
+        (0.45, 0.9, 3.375, 1.195473251, 1.034818673, 0.07280747136),
+        (0.15, 0.9, 3.375, 1.989583333, 1.313368056, 0.01708747538),
+        (0.8, 0.9, 3.375, 1.061848958, 1.0, 0.197510196),
+        (1.2, 1.0, 3.75, 1.0, 1.0, 0.4185133276),
+    ],
+)
+def test_coefficients_of_another_program(period, mass_factor, ratio, c1, c2, displacement):
+    """Sa 0.9 g, W 5000 kN, V_y 1200 kN, a 60, C0 1.3."""
+    strength_ratio = 0.9 * 5000.0 * mass_factor / 1200.0
+    assert strength_ratio == pytest.approx(ratio, rel=1e-9)
+    found = coefficient_displacement(period, 0.9 * G, strength_ratio, SITE_FACTORS["D"], 1.3)
+    assert found == pytest.approx((c1, c2, displacement), rel=1e-9)
+
+
+@pytest.mark.parametrize(("factor", "limit"), [(0.2, 7.309225574), (0.8, 6.189370653)])
+def test_largest_strength_ratio_of_another_program(factor, limit):
+    found = largest_strength_ratio(0.2 / 0.04, -0.2, -0.05, factor, 0.45)
+    assert found == pytest.approx(limit, rel=1e-9)
+    assert largest_strength_ratio(5.0, 0.1, 0.0, factor, 0.45) == 5.0
+
+
+def test_mass_factor_is_1_for_long_periods(tmp_path):
+    """ASCE 41-17, table 7-4: C_m is 1 for periods above 1 s. The result states C_m, a and class."""
+    mass, force = 2e5, 0.12 * 2e5 * G
+    case = oscillator(mass, force, force / mass * (1.1 / (2.0 * math.pi)) ** 2)
+    pushed = pushover(case, "0.5m", points=POINTS)
+    _, reduced = target_displacements(pushed, flat(tmp_path, 0.55), mass_factor=0.8)
+    _, full = target_displacements(pushed, flat(tmp_path, 0.55), site_class="c")
+    assert (reduced.mass_factor, reduced.strength_ratio) == (1.0, full.strength_ratio)
+    assert (full.site_class, full.site_factor, full.mass_factor) == ("C", 90.0, 1.0)
 
 
 def test_elastic_building_has_elastic_target_displacement():

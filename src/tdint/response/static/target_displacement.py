@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,10 @@ _MAX_DISPLACEMENT_RATIO = 3.0
 _SECANT = 0.6
 # Minimum spectral acceleration of a near-fault site at a period of 1 s, g (ASCE 41-17, 7.4.3.3.2)
 _NEAR_FAULT_AT_1_S = 0.6
+# Fraction of the slope after the peak that is not due to P-delta in the limit of the strength ratio
+_LAMBDA, _LAMBDA_NEAR_FAULT = 0.2, 0.8
+# Period from which C_m is 1, s (ASCE 41-17, table 7-4)
+_LONGEST_PERIOD_OF_C_M = 1.0
 # Ratio of the maximum displacement of the curve to the target displacement, required by EN 1998-1,
 # 4.3.3.4.2.3
 _REQUIRED_RANGE = 1.5
@@ -82,6 +87,13 @@ class TargetDisplacement(Tabular):
         height); divided by the yield drift (nan for a law that does not yield).
     notes : tuple of str
         Conditions that are outside the range of the method.
+    site_class : str
+        Site class of the coefficient method; empty for `n2`.
+    site_factor, mass_factor : float
+        Factors a and C_m of the coefficient method; nan for `n2`.
+    largest_ratio : float
+        Limit of the strength ratio for a building that loses strength, mu_max; nan for `n2`, and if
+        the curve has no slope after its peak.
     """
 
     pushed: Pushover
@@ -101,6 +113,10 @@ class TargetDisplacement(Tabular):
     drift_ratio: Array
     ductility: Array
     notes: tuple[str, ...] = ()
+    site_class: str = ""
+    site_factor: float = math.nan
+    mass_factor: float = math.nan
+    largest_ratio: float = math.nan
 
     def _headline(self) -> str:
         return (
@@ -213,7 +229,8 @@ def target_displacements(
         Site class A to F for C1; default D, for unknown sites.
     mass_factor : float
         Factor C_m, the effective mass of the first mode divided by the total mass, in the strength
-        ratio; default 1. ASCE 41-17, table 7-4, permits smaller values for some buildings.
+        ratio; default 1. ASCE 41-17, table 7-4, permits smaller values for some buildings with
+        periods up to 1 s; for longer periods, 1 is used.
 
     Returns
     -------
@@ -246,7 +263,7 @@ def target_displacements(
         _coefficients, curve, demand, building, site_factor, mass_factor
     )
     coefficients = _solve("coefficients", curve, idealize_coefficients)
-    notes = _strength_note(curve, building, coefficients, demand)
+    largest_ratio = _largest_ratio(curve, coefficients, demand)
     first_participation = float(building.modes().participation[0])
     return TargetDisplacements(
         [
@@ -259,7 +276,11 @@ def target_displacements(
                 coefficients,
                 first_participation,
                 float(building.mass.sum()),
-                notes,
+                _strength_note(coefficients, largest_ratio),
+                site_class=site_class.upper(),
+                site_factor=site_factor,
+                mass_factor=_mass_factor_at(coefficients.period, mass_factor),
+                largest_ratio=largest_ratio,
             ),
         ]
     )
@@ -317,17 +338,73 @@ def _coefficients(
     stiffness = min(strength / yield_displacement, initial_stiffness)
     period = 2.0 * math.pi / float(modes.omega[0]) * math.sqrt(initial_stiffness / stiffness)
     acceleration = float(demand.at(np.array([period]))[0])
-    strength_ratio = acceleration * mass_factor * float(building.mass.sum()) / strength
-    strength_excess = max(strength_ratio - 1.0, 0.0)
-    # Equations 7-29 (C1), 7-30 (C2) and 7-28 (target displacement) of ASCE 41-17.
-    c1 = 1.0 if period > 1.0 else 1.0 + strength_excess / (site_factor * max(period, 0.2) ** 2)
-    c2 = 1.0 if period > 0.7 else 1.0 + (strength_excess / period) ** 2 / 800.0
-    displacement = (
-        float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2
+    strength_ratio = (
+        acceleration * _mass_factor_at(period, mass_factor) * float(building.mass.sum()) / strength
+    )
+    c1, c2, displacement = coefficient_displacement(
+        period, acceleration, strength_ratio, site_factor, float(modes.participation[0])
     )
     return _IdealizedCurve(
         period, strength, yield_displacement, acceleration, strength_ratio, (c1, c2), displacement
     )
+
+
+def _mass_factor_at(period: float, mass_factor: float) -> float:
+    """Return C_m at the effective period (s)."""
+    return 1.0 if period > _LONGEST_PERIOD_OF_C_M else mass_factor
+
+
+def coefficient_displacement(
+    period: float, acceleration: float, strength_ratio: float, site_factor: float, c0: float
+) -> tuple[float, float, float]:
+    """Return C1, C2 and the target displacement (m) of the coefficient method.
+
+    Equations 7-29 (C1), 7-30 (C2) and 7-28 (target displacement) of ASCE 41-17.
+
+    Parameters
+    ----------
+    period : float
+        Effective period Te, s.
+    acceleration : float
+        Spectral acceleration at Te, m/s^2.
+    strength_ratio : float
+        mu_strength: acceleration times C_m times mass over yield force.
+    site_factor : float
+        Factor a (`SITE_FACTORS`).
+    c0 : float
+        Roof displacement over displacement of the oscillator.
+    """
+    excess = max(strength_ratio - 1.0, 0.0)
+    c1 = 1.0 if period > 1.0 else 1.0 + excess / (site_factor * max(period, 0.2) ** 2)
+    c2 = 1.0 if period > 0.7 else 1.0 + (excess / period) ** 2 / 800.0
+    return c1, c2, c0 * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2
+
+
+def largest_strength_ratio(
+    ductility: float, slope: float, p_delta_slope: float, factor: float, period: float
+) -> float:
+    """Return mu_max, the limit of the strength ratio of a building that loses strength.
+
+    ASCE 41-17, 7.4.3.3.2 and equation 7-32: mu_max = Delta_d / Delta_y + |alpha_e|^-h / 4, with
+    h = 1 + 0.15 ln Te and the effective slope after the peak
+    alpha_e = alpha_P-Delta + lambda (alpha_2 - alpha_P-Delta).
+
+    Parameters
+    ----------
+    ductility : float
+        Delta_d / Delta_y: displacement over displacement at yield.
+    slope, p_delta_slope : float
+        alpha_2 and alpha_P-Delta, relative to the effective stiffness; negative if strength is
+        lost.
+    factor : float
+        lambda: 0.8 for near-fault sites, otherwise 0.2.
+    period : float
+        Te, s.
+    """
+    effective = p_delta_slope + factor * (slope - p_delta_slope)
+    if effective >= 0.0:
+        return ductility
+    return float(ductility + abs(effective) ** -(1.0 + 0.15 * math.log(period)) / 4.0)
 
 
 def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
@@ -418,18 +495,25 @@ def _solve(
     return idealize(root)
 
 
-def _strength_note(
-    curve: _PushoverCurve, building: Building, idealized: _IdealizedCurve, demand: TargetSpectrum
-) -> tuple[str, ...]:
-    """Return a note if the strength ratio exceeds the limit of the coefficient method; empty if the
-    limit is met.
+def _strength_note(idealized: _IdealizedCurve, largest_ratio: float) -> tuple[str, ...]:
+    """Return a note if the strength ratio exceeds the limit of the coefficient method (nan: no
+    limit); empty if the limit is met."""
+    # The limit does not apply to a building that remains elastic (strength ratio up to 1).
+    if not idealized.strength_ratio > max(largest_ratio, 1.0):
+        return ()
+    return (
+        f"coefficients: the strength ratio {idealized.strength_ratio:.3g} exceeds "
+        f"{largest_ratio:.3g}, the limit of the method for a building that loses strength (ASCE "
+        "41-17, 7.4.3.3.2); do not use the computed displacement, run time history analyses "
+        "instead",
+    )
 
-    The limit concerns buildings that lose strength. ASCE 41-17 gives it in 7.4.3.3.2 and equation
-    7-32: mu_max = Delta_d / Delta_y + |alpha_e|^-h / 4, with h = 1 + 0.15 ln Te and the effective
-    slope after the peak alpha_e = alpha_P-Delta + lambda (alpha_2 - alpha_P-Delta), both slopes
-    relative to the effective stiffness. The factor lambda is 0.8 for near-fault sites and 0.2
-    otherwise.
-    """
+
+def _largest_ratio(
+    curve: _PushoverCurve, idealized: _IdealizedCurve, demand: TargetSpectrum
+) -> float:
+    """Return the limit of the strength ratio of the coefficient method; nan if the curve has no
+    slope after its peak, so that the building does not lose strength."""
     peak = curve.peak
     # The slope after the peak is measured up to the point at 0.6 of the yield force, or to the end.
     below_secant = np.flatnonzero(curve.shear[peak:] <= _SECANT * idealized.yield_force)
@@ -441,7 +525,7 @@ def _strength_note(
         if curve.pushed.ended and end_point == peak:
             slope = p_delta_slope = -math.inf
         else:
-            return ()
+            return math.nan
     else:
         stiffness = idealized.yield_force / idealized.yield_displacement
         slope = float(curve.shear[end_point] - curve.shear[peak]) / roof_range / stiffness
@@ -465,25 +549,13 @@ def _strength_note(
                 / stiffness
             )
     is_near_fault = float(demand.at(np.array([1.0]))[0]) >= _NEAR_FAULT_AT_1_S * STANDARD_GRAVITY
-    effective_slope = (
-        p_delta_slope + (0.8 if is_near_fault else 0.2) * (slope - p_delta_slope)
-        if math.isfinite(slope)
-        else -math.inf
-    )
-    maximum_ratio = (
+    ductility = (
         min(idealized.roof_displacement, float(curve.roof[peak])) / idealized.yield_displacement
     )
-    if effective_slope < 0.0 and math.isfinite(effective_slope):
-        maximum_ratio += abs(effective_slope) ** -(1.0 + 0.15 * math.log(idealized.period)) / 4.0
-    # The limit does not apply to a building that remains elastic (strength ratio up to 1).
-    if idealized.strength_ratio <= max(maximum_ratio, 1.0):
-        return ()
-    return (
-        f"coefficients: the strength ratio {idealized.strength_ratio:.3g} exceeds "
-        f"{maximum_ratio:.3g}, the limit of the method for a building that loses strength (ASCE "
-        "41-17, 7.4.3.3.2); do not use the computed displacement, run time history analyses "
-        "instead",
-    )
+    if not math.isfinite(slope):
+        return ductility
+    factor = _LAMBDA_NEAR_FAULT if is_near_fault else _LAMBDA
+    return largest_strength_ratio(ductility, slope, p_delta_slope, factor, idealized.period)
 
 
 def _result(
@@ -495,11 +567,13 @@ def _result(
     participation: float,
     mass: float,
     notes: tuple[str, ...] = (),
+    **coefficients: Any,
 ) -> TargetDisplacement:
     """Return the result of a method with the response at its target displacement.
 
     `building` is the building without damping. `participation` and `mass` are the participation
-    factor, and mass of the equivalent oscillator or of the building, kg.
+    factor, and mass of the equivalent oscillator or of the building, kg. `coefficients` are
+    attributes of the coefficient method.
     """
     drift = np.array(
         [np.interp(idealized.roof_displacement, curve.roof, column) for column in curve.drift.T]
@@ -530,4 +604,5 @@ def _result(
         drift_ratio=drift / building.heights,
         ductility=drift / yield_drift,
         notes=notes,
+        **coefficients,
     )

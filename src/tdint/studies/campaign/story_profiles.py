@@ -251,13 +251,21 @@ class Profile(SuiteLevel):
             f"of {pluralize(self.counts.motions, 'ground motion')}, {self.counts.text}{components}"
         )
 
-    def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
+    def limit_checks(
+        self, limit: float | str | None = None, *, accepted: int = 0
+    ) -> tuple[LimitCheck, ...]:
         """Compare the mean demands over the motions with limits: by default all limits of the
         model, otherwise a drift limit or a performance level of the model.
 
         The mean is computed in each story, and the comparison uses the story with the maximum ratio
         of mean demand to limit, as in design codes. A building that collapsed or failed under a
         motion does not meet any limit. Without a completed run, the result is empty.
+
+        Parameters
+        ----------
+        accepted : int
+            Number of motions with a collapse or without a result that are accepted as unacceptable
+            responses (`tdint.model.limits.design_demands`); default 0.
 
         Raises
         ------
@@ -271,7 +279,8 @@ class Profile(SuiteLevel):
             self.height,
             self.completed.motions,
             name=self.building,
-            has_failure=bool(self.counts.lost),
+            has_failure=self.counts.lost > accepted,
+            unacceptable=self.counts.lost if self.counts.lost <= accepted else 0,
         )
 
     @property

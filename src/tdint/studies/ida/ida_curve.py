@@ -532,6 +532,14 @@ def _demands_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
     return np.stack(columns, axis=-1)
 
 
+_DRIFTS = 240  # number of points of a curve, which is smooth at a width of 180 mm
+
+
+def fractile_drifts(limit: float) -> Array:
+    """Return the drift ratios of the points of fractile curves, up to `limit`."""
+    return np.linspace(0.0, limit, _DRIFTS)[1:]
+
+
 def capacity_fractiles(curves: Sequence[IdaCurve], drift_ratios: Array) -> Array:
     """Return fractiles, over the motions, of the intensity where the building reaches each drift
     ratio, shape (3, k), by the rules of `fractiles`: a censored intensity is above every value.

@@ -19,7 +19,7 @@ from tdint.output.figures.style import (
 )
 from tdint.studies.fragility.fragility_function import initial_damage
 from tdint.studies.ida.ida import IdaStudy
-from tdint.studies.ida.ida_curve import IdaCurve, capacity_fractiles
+from tdint.studies.ida.ida_curve import IdaCurve, capacity_fractiles, fractile_drifts
 from tdint.studies.motions.intensity import (
     MotionIntensity,
 )
@@ -32,7 +32,6 @@ from tdint.studies.motions.scaling_figures import (
 
 # ---- Collapse
 
-_DRIFTS = 240  # number of points of a curve, which is smooth at a width of 180 mm
 _IM_MARGIN = 1.1  # upper end of the intensity axis divided by the maximum capacity
 _DRIFT_MARGIN = 1.04  # end of flat lines divided by the maximum drift
 
@@ -136,7 +135,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
             style = {"color": color, "linewidth": 1.6, "label": "" if i else state}
             _draw_curve(axes, curve, limit, style)
         return
-    drifts = np.linspace(0.0, limit, _DRIFTS)[1:]
+    drifts = fractile_drifts(limit)
     rows = capacity_fractiles(study.motion_curves, drifts)
     # In reverse order, the legend lists the median first; both dashed lines have one entry.
     for fraction, row in reversed(list(zip(FRACTIONS, rows, strict=True))):

@@ -72,7 +72,7 @@ def ida_page(
         Chapter(
             "Result",
             (
-                [_curves_text(study)],
+                [_curves_text(study), *page_text.sentences],
                 Picture(
                     lambda: ida_figures.ida_picture(study),
                     f"Maximum drift ratio over {measure}: curves, fractiles, capacities",
@@ -135,15 +135,18 @@ def _medians(study: IdaStudy) -> list[str]:
 
 def _fractile_table(study: IdaStudy) -> Table:
     """Return the table of the fractiles of the capacities over the ground motions, with one row for
-    each drift ratio and each damage of the building before the ground motions."""
+    each threshold and each tenth of the collapse drift, and for each damage of the building before
+    the ground motions."""
     units = {"drift_ratio": "1"}
     units |= dict.fromkeys(("fractile_16", "median", "fractile_84"), study.measure.unit)
     units |= {"motions": "1", "censored": "1"}
     rows: list[tuple[Cell, ...]] = []
     for state in study.states:
         curves = state.motion_curves
-        values = capacity_fractiles(curves, np.array(study.thresholds)).T.tolist()
-        for threshold, row in zip(study.thresholds, values, strict=True):
+        tenths = np.linspace(0.0, study.model.collapse_drift, 11)[1:].round(12)
+        drifts = np.union1d(tenths, study.thresholds)
+        values = capacity_fractiles(curves, drifts).T.tolist()
+        for threshold, row in zip(drifts.tolist(), values, strict=True):
             censored = sum(curve.capacity(threshold).censored for curve in curves)
             rows.append((initial_damage(curves[0].damage), threshold, *row, len(curves), censored))
     return _with_states(study, units, rows)

@@ -12,13 +12,20 @@ from tdint.ground_motion.record import component_names
 from tdint.output.tables.table import (
     NAMED_RECORD_COLUMNS,
     PAIR_DEMAND,
+    Cell,
     Column,
     Table,
     error_columns,
     numbered,
 )
 from tdint.studies.ida.ida import IdaStudy
-from tdint.studies.ida.ida_curve import Capacity, IdaCurve, PairCurve
+from tdint.studies.ida.ida_curve import (
+    Capacity,
+    IdaCurve,
+    PairCurve,
+    capacity_fractiles,
+    fractile_drifts,
+)
 
 _RECORD = (
     *NAMED_RECORD_COLUMNS,
@@ -72,7 +79,7 @@ IDA_ERRORS = tuple(
 """Additional columns of a study with error estimates."""
 
 DAMAGE = Column.named("curve.damage", "drift ratio of the damage by the main shock; 0: intact")
-INTENSITIES = ("im", "capacity", "lower", "upper")
+INTENSITIES = ("im", "capacity", "lower", "upper", "p16", "median", "p84")
 """Columns in the unit of the column `unit`."""
 
 CAPACITIES = (
@@ -107,6 +114,44 @@ LIMIT = Column.named(
     "empty",
     "text",
 )
+
+
+FRACTILES = (
+    *_RECORD[-2:],
+    Column.named("drift_ratio", "maximum drift ratio over the stories"),
+    *(
+        Column.named(name, f"intensity where the building reaches drift_ratio, {text}")
+        for name, text in (
+            ("p16", "16 % fractile over the ground motions; inf: above the largest intensity"),
+            ("median", "median"),
+            ("p84", "84 % fractile"),
+        )
+    ),
+    Column.named("motions", "number of ground motions; both components of a pair are one"),
+)
+"""Columns of the fractile curves."""
+
+
+MARGIN = (
+    Column.named("components", "number of components of the ground motions"),
+    Column.named("censored", "number of components without collapse up to the largest level"),
+    Column.named("period", "fundamental period T of Sa and of ssf", "s"),
+    Column.named("median_sa", "median Sa(T) of the components of the normalized set", "m/s^2"),
+    Column.named(
+        "factor", "factor on the normalized set at which half of the components cause collapse"
+    ),
+    Column.named("s_ct", "median collapse intensity, median_sa_m_s2 times factor", "m/s^2"),
+    Column.named("design.s_mt", "intensity of the maximum considered earthquake", "m/s^2"),
+    Column.named("cmr", "collapse margin ratio"),
+    Column.named("ssf", "spectral shape factor"),
+    Column.named("acmr", "adjusted collapse margin ratio, ssf times cmr"),
+    Column.named("design.beta_rtr", "record-to-record dispersion"),
+    Column.named("design.beta_total", "total dispersion"),
+    Column.named("design.acmr_20", "smallest acceptable acmr of each building"),
+    Column.named("design.acmr_10", "smallest acceptable mean acmr of a group"),
+    Column.named("collapse_probability", "probability of collapse at s_mt_m_s2"),
+)
+"""Columns of the collapse margin by FEMA P-695."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +204,24 @@ def capacity_table(study: IdaStudy) -> Table:
         )
     )
     return _with_unit(Table.of_results(columns, capacities), study.measure.unit)
+
+
+def fractile_table(study: IdaStudy) -> Table:
+    """Return the fractile curves of the intensities over the ground motions, as in the figure; for
+    each state of damage, one row per drift ratio up to the collapse drift."""
+    drifts = fractile_drifts(study.model.collapse_drift)
+    rows: list[tuple[Cell, ...]] = []
+    for state in study.states:
+        curves = state.motion_curves
+        head = (curves[0].damage, study.im_name, study.measure.unit)
+        values = capacity_fractiles(curves, drifts)
+        rows += [
+            (*head, drift, *fractiles, len(curves))
+            for drift, fractiles in zip(drifts.tolist(), values.T.tolist(), strict=True)
+        ]
+    columns = _with_damage(FRACTILES, study)
+    omitted = 1 + len(FRACTILES) - len(columns)
+    return _with_unit(Table.of(columns, (row[omitted:] for row in rows)), study.measure.unit)
 
 
 def limit_capacities(study: IdaStudy, curve: IdaCurve) -> list[Capacity]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
-from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
@@ -320,6 +319,12 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
     )
 
 
+def normalization(velocities: Array) -> Array:
+    """Return the normalization factors of pairs from their peak velocities (FEMA P-695, A.8). The
+    medians of this rule are means of the two middle values."""
+    return np.asarray(np.median(velocities) / velocities)
+
+
 def scale_p695(
     pairs: Sequence[GroundMotion],
     measure: IntensityMeasure | None = None,
@@ -359,7 +364,7 @@ def scale_p695(
     # According to FEMA P-695, this removes the variation of the pairs due to magnitude and
     # distance.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
-    factors = fractiles(velocities, (0.5,)) / velocities
+    factors = normalization(velocities)
     if measure is None or value is None:
         return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping)
     _check_value(measure, value)
@@ -371,7 +376,7 @@ def scale_p695(
         for pair, factor in zip(pairs, factors, strict=True)
         for record in components(pair)
     ]
-    factors = factors * (value / float(fractiles(np.array(values), (0.5,))[0]))
+    factors = factors * (value / float(np.median(values)))
     return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping, measure, value)
 
 
