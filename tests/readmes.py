@@ -241,7 +241,7 @@ MEASURES = ("pgv", "arias", "cav", "cav5", "d5-95", "sa:0.5", "sa-avg", "sdi:T1:
 def columns():
     """Return the columns of every table, by command."""
     return {
-        "tdint run": responses.STORY_COLUMNS,
+        "tdint run": (*responses.STORY_COLUMNS, responses.ENERGY),
         "elements.csv of tdint run": (*elements.ELEMENT_COLUMNS, *elements.ELEMENT_ERROR),
         **{
             f"{kind}.csv of tdint run": (*shown, *errors)

@@ -30,6 +30,14 @@ STORY_COLUMNS: tuple[Column, ...] = (
 STORY_ERROR = error_columns(STORY_COLUMNS[2:])
 """Additional columns of a run with error estimates."""
 
+ENERGY = Column.named(
+    "hysteretic_energy",
+    "energy that the restoring force of the story has dissipated since the start of the run, "
+    "without the stored elastic energy",
+    "J",
+)
+ENERGY_ERROR = error_columns((ENERGY,))
+
 _ALL = "all"
 SHOCK = Column.named("shock", f"event of a sequence, from 1; {_ALL}: the whole sequence", TEXT)
 
@@ -61,6 +69,10 @@ def response_table(response: Response) -> Table:
             return row_table(response)
         groups = flexure_groups(response)
     errors = response.check.errors if response.check else None
+    # The energies of a sequence start again with each event.
+    if response.model.matrices is None and not response.events:
+        check = response.check and response.check.hysteretic_energy is not None
+        groups = (((ENERGY,), response), (ENERGY_ERROR, response.check if check else None))
     table = Table.joined((STORY_COLUMNS, response.stories), (STORY_ERROR, errors), *groups)
     if not response.events:
         return table

@@ -10,11 +10,9 @@ from tdint.arrays import Array
 from tdint.model.building import element_yield_drifts
 from tdint.model.definition import Model
 from tdint.number_parsing import pluralize
+from tdint.response.runs.outcome import ENERGY_ROUNDING
 from tdint.tabular import WithTable
 from tdint.units import Quantity, quantities
-
-_ROUNDING = 1e-12
-"""Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +85,7 @@ def element_peaks(model: Model, results: Array, peak_drift: Array) -> ElementPea
     indices = np.array([i for i, _, _ in elements])
     peak_force, energy, fracture_time, fracture_drift = results.copy()
     # The difference of work and stored energy of an elastic element is a rounding error.
-    energy[np.abs(energy) <= _ROUNDING * peak_force * peak_drift[indices]] = 0.0
+    energy[np.abs(energy) <= ENERGY_ROUNDING * peak_force * peak_drift[indices]] = 0.0
     return ElementPeaks(
         peak_force=peak_force,
         dissipated_energy=energy,

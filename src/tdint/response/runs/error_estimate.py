@@ -356,6 +356,12 @@ def with_error_estimate(
         response.stories,
         errors,
         elements=element_errors(response, other, factors(case.method), errors, start),
+        hysteretic_energy=_extrapolated(
+            response.hysteretic_energy,
+            other.hysteretic_energy,
+            response.hysteretic_energy,
+            factors(case.method),
+        ),
         time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,

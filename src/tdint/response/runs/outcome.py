@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, each_array
+from tdint.arrays import Array, Numbers, each_array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.number_parsing import first_warning, pluralize
@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
     """Return the function of a `Quantity` that reads one row of the peaks of all stories."""
     return lambda building, peaks, end: peaks[..., row, :]
+
+
+ENERGY_ROUNDING = 1e-12
+"""Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -314,6 +318,8 @@ class ErrorEstimate(Described):
         Peaks of the additional run, which are more accurate; None if a collapse ended the run.
     elements : ElementValues | None
         Estimated errors of the elements of stories with several elements.
+    hysteretic_energy : ndarray | None
+        Estimated errors of `Response.hysteretic_energy`, J.
     """
 
     errors: StoryErrors
@@ -324,6 +330,7 @@ class ErrorEstimate(Described):
     step_choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
     elements: "ElementValues | None" = None
+    hysteretic_energy: Array | None = None
 
     def _headline(self) -> str:
         if self.drift_error is None:
@@ -574,6 +581,55 @@ class Response(Tabular):
             history = History.joined(repeat(1))
         assert history is not None
         return contacts_of(self.model, history)
+
+    @property
+    def hysteretic_energy(self) -> Array:
+        """Energy that the restoring force of each story has dissipated since the start of the run,
+        J, shape (n,): the work of the force minus the stored elastic energy."""
+        spent = self.final_state.space.law_state[rows.ENERGY_SPENT, : len(self.model.stories)]
+        # The difference of work and stored energy of an elastic story is a rounding error.
+        size = self.stories.peak_shear * self.stories.peak_drift
+        return np.where(np.abs(spent) <= ENERGY_ROUNDING * size, 0.0, spent)
+
+    def damage_index(
+        self, ultimate_drift: Numbers, *, energy_weight: float = 0.05, kunnath: bool = False
+    ) -> Array:
+        """Return the damage index of Park and Ang (1985) of each story, shape (n,); nan after a
+        collapse, and for a story that does not yield.
+
+        The index of the building is the mean of the indices, weighted by `hysteretic_energy`.
+
+        Parameters
+        ----------
+        ultimate_drift : float or array, shape (n,)
+            Drifts at failure under monotonic load, m.
+        energy_weight : float
+            Weight of the energy; default 0.05.
+        kunnath : bool
+            True for the index of Kunnath et al. (1992); default False.
+
+        Raises
+        ------
+        UsageError
+            An ultimate drift does not exceed the drift at yield.
+        """
+        # Imported here, because few runs need them.
+        from tdint.model.building import yield_strength
+        from tdint.response.runs.damage_index import park_ang
+
+        if self.collapse is not None:
+            return np.full(len(self.model.stories), np.nan)
+        building = self.final_state.building
+        yield_drift = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
+        return park_ang(
+            self.stories.peak_drift,
+            self.hysteretic_energy,
+            ultimate_drift=np.broadcast_to(ultimate_drift, yield_drift.shape),
+            yield_drift=yield_drift,
+            yield_force=np.array([yield_strength(story) for story in self.model.stories]),
+            energy_weight=energy_weight,
+            kunnath=kunnath,
+        )
 
     def limit_checks(self, limit: float | str | None = None) -> "tuple[LimitCheck, ...]":
         """Compare the demands with limits.

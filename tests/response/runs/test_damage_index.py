@@ -1,0 +1,71 @@
+"""Hysteretic energies of stories, and damage indices by values that two other programs computed."""
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.errors import UsageError
+from tdint.response.runs.damage_index import building_index, park_ang
+
+STORY = {"ultimate_drift": 0.06, "yield_drift": 0.01, "yield_force": 100.0}
+
+
+def test_index_of_an_elastic_and_perfectly_plastic_story():
+    """Path 0, 0.03, -0.02, 0.04, 0 m with 10000 kN/m and 100 kN: 11 kN m, without the elastic
+    energy at the end."""
+    index = park_ang(0.04, 11.0, **STORY)
+    assert index == pytest.approx(0.7583333333, rel=1e-9)
+    assert park_ang(0.04, 11.0, kunnath=True, **STORY) == pytest.approx(0.6916666667, rel=1e-9)
+    assert building_index([index, 0.3], [11.0, 2.0]) == pytest.approx(0.6878205128, rel=1e-9)
+    assert building_index([0.2, 0.3], [0.0, 0.0]) == 0.0
+
+
+@pytest.mark.parametrize("ultimate", [0.01, 0.005, np.nan])
+def test_ultimate_drift_must_exceed_yield(ultimate):
+    with pytest.raises(UsageError, match="ultimate_drift must exceed the drift at yield"):
+        park_ang(0.04, 11.0, **(STORY | {"ultimate_drift": ultimate}))
+
+
+@pytest.fixture(scope="module")
+def response():
+    """Two stories, the second of which is elastic, under a pulse."""
+    law = {"type": "bilinear", "yield_force": 150e3, "hardening": 0}
+    model = {
+        "stories": [
+            {"mass": 5e4, "height": 3, "stiffness": 12e6, "law": law},
+            {"mass": 5e4, "height": 3, "stiffness": 12e6},
+        ],
+        "damping": "none",
+    }
+    time = 0.01 * np.arange(400)
+    record = tdint.make_record(3.0 * np.sin(6.0 * time) * (time < 3.0), dt=0.01, units="m/s^2")
+    return tdint.run(model, record, dt=0.0025, history=True, check=True)
+
+
+def test_energy_of_a_story_is_work_minus_stored_energy(response):
+    """The work of the force along the drift, by trapezoids of the history."""
+    drift, force = response.history.drift[:, 0], response.history.shear[:, 0]
+    work = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(drift))
+    stored = 0.5 * force[-1] ** 2 / 12e6
+    energy = response.hysteretic_energy
+    assert energy[0] == pytest.approx(work - stored, rel=1e-3)
+    assert energy[1] == 0.0
+    assert energy.sum() == pytest.approx(response.energy.hysteretic, rel=1e-12)
+    table = response.to_dict()
+    assert table["hysteretic_energy_J"] == pytest.approx(energy, rel=1e-12)
+    assert 0.0 <= table["hysteretic_energy_J_error"][0] < 0.01 * energy[0]
+
+
+def test_index_of_a_response(response):
+    yield_drift = 150e3 / 12e6
+    index = response.damage_index(0.3)
+    expected = park_ang(
+        response.stories.peak_drift[0],
+        response.hysteretic_energy[0],
+        ultimate_drift=0.3,
+        yield_drift=yield_drift,
+        yield_force=150e3,
+    )
+    assert index[0] == pytest.approx(float(expected), rel=1e-12) and np.isnan(index[1])
+    with pytest.raises(UsageError):
+        response.damage_index(yield_drift)
