@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,6 +24,7 @@ with warnings.catch_warnings():
     from obspy import Stream, Trace, UTCDateTime, read
 
 Array = NDArray[np.float64]
+Records = dict[str, tuple[str, Callable[[], list[Array]]]]
 
 G = 9.81
 """Gravity for the peaks below, m/s^2."""
@@ -190,7 +192,7 @@ RETROFIT_SOILS = (
 def retrofit(number: int) -> list[Array]:
     """Return two components of 14 s, 0.28 to 0.45 g, of a small record of the retrofit example."""
     time, envelope = sample_times(14.0, 0.02), Envelope(rise=2.0, hold=4.0, decay=0.6)
-    peaks = ((0.35, 0.30), (0.45, 0.38), (0.28, 0.34), (0.40, 0.33))[number - 1]
+    peaks = ((0.35, 0.30), (0.45, 0.38), (0.28, 0.34), (0.40, 0.33))[(number - 1) % 4]
     components = []
     for seed, peak in enumerate(peaks, start=20240399 + 2 * number):
         soil = RETROFIT_SOILS[(number - 1) % 2]
@@ -207,6 +209,11 @@ RECORDS = {
 }
 """Station code, and function that returns components HN1 and HN2 (m/s^2), by file; the sampling
 interval is 0.02 s in the directory retrofit, 0.01 s otherwise."""
+
+SUITE = {
+    f"retrofit/R{number}": (f"R{number}", partial(retrofit, number)) for number in range(1, 12)
+}
+"""Eleven pairs for --suite: the records of the retrofit example and seven more."""
 
 
 @dataclass(frozen=True)
@@ -233,9 +240,9 @@ KAIKOURA = {
 """Recordings in the directory kaikoura by station."""
 
 
-def write_records(folder: Path) -> None:
-    """Write the artificial motions as MiniSEED files (64-bit floating-point numbers, m/s^2)."""
-    for name, (station, make) in RECORDS.items():
+def write_records(folder: Path, records: Records = RECORDS) -> None:
+    """Write artificial motions as MiniSEED files (64-bit floating-point numbers, m/s^2)."""
+    for name, (station, make) in records.items():
         delta = 0.02 if name.startswith("retrofit/") else 0.01
         header = {"network": NETWORK, "station": station, "starttime": START, "delta": delta}
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -276,7 +283,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=here)
     parser.add_argument("--geonet", type=Path, help="directory of the GeoNet files")
+    parser.add_argument(
+        "--suite", action="store_true", help="write eleven pairs of components instead"
+    )
     arguments = parser.parse_args()
-    write_records(arguments.folder)
+    write_records(arguments.folder, SUITE if arguments.suite else RECORDS)
     if arguments.geonet:
         write_recordings(arguments.folder / "kaikoura", arguments.geonet)

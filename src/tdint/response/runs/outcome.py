@@ -330,7 +330,7 @@ class ErrorEstimate(Described):
     step_choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
     elements: "ElementValues | None" = None
-    hysteretic_energy: Array | None = None
+    hysteretic_energy: Array | None = field(default=None, compare=False)
 
     def _headline(self) -> str:
         if self.drift_error is None:
