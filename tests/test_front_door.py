@@ -77,6 +77,7 @@ def buildings() -> None:
     tdint.target_displacements(tdint.pushover(model, 0.02), "ec8:ag=0.3,soil=B")
     tdint.cyclic_test(content, 1, ["1%", 0.02])
     tdint.response_spectrum_analysis(model, "ec8:ag=0.3,soil=B")
+    tdint.matrices(model)
     transfer: tdint.TransferFunction = tdint.transfer_function(model, source=1)
     print(transfer.maxima)
     tdint.compare(content, "event.yaml", method="impulse4")

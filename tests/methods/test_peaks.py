@@ -74,8 +74,8 @@ def errors(building, record, method, parts, truth):
     for quantity in QUANTITIES:
         peak = getattr(truth.stories, f"peak_{quantity}")
         history, exact = (
-            getattr(response.history, quantity.removeprefix("absolute_")),
-            getattr(truth.history, quantity.removeprefix("absolute_"))[:: FINE // parts],
+            getattr(response.history, quantity),
+            getattr(truth.history, quantity)[:: FINE // parts],
         )
         at_steps = np.abs(np.max(np.abs(history), axis=0) / peak - 1.0)
         own = np.max(np.abs(history - exact), axis=0) / peak

@@ -535,7 +535,13 @@ class Model:
         self.require_floors(subject)
 
     def require_floors(self, subject: str) -> None:
-        """Raise UsageError if the model has rows that are not floors, as `require_chain`."""
+        """Raise UsageError if the model has rows that are not floors, as `require_chain`.
+
+        Parameters
+        ----------
+        subject : str
+            Computation that is for floors only.
+        """
         if self.rows:
             raise UsageError(
                 f"{self.source}: {subject} is for floors, not for rows of `matrices`; use `tdint "

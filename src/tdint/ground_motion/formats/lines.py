@@ -116,7 +116,13 @@ class Lines:
         self._next += count
 
     def back_to(self, number: int) -> None:
-        """Continue after the line with this number, counted from 1."""
+        """Continue after a line that has been read before.
+
+        Parameters
+        ----------
+        number : int
+            Number of the line, counted from 1.
+        """
         self._next = number
 
     def peek(self) -> str | None:

@@ -255,8 +255,10 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
 
     1. A number in the first lines is equal to the number of the remaining lines or values. All
        lines up to this remainder are a header, and a number from 1e-5 to 1 in them is the sampling
-       interval. A number of samples without an interval counts only above a single column and above
-       times, because tables of nodes also start with a number.
+       interval. Without times, other numbers among them must not be printed like the samples,
+       unless they are the peak: a repeated line would move the start of the samples. A number of
+       samples without an interval counts only above a single column and above times, because
+       tables of nodes also start with a number.
     2. A whole number and a plausible sampling interval are no samples: the whole number is a flag
        if it is below 20, otherwise it contradicts the number of samples. `skip_lines=0` states that
        these numbers are samples.
@@ -294,6 +296,11 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
         is_timed = width > 1 and are_times(samples[::width]) and not are_times(values[::width])
         is_other = bool(np.all(widths[:used] != width))
         count = _number_of_samples(whole, (lines - used, samples.size), samples, width)
+        known = {float(count), peak, *steps}
+        rows = np.split(values[: len(texts)], np.cumsum(widths[: used - 1]))
+        others = [row for row, of_row in zip(words, rows, strict=False) if known.isdisjoint(of_row)]
+        if count and not is_timed and any(_are_printed_like(row, words[used:]) for row in others):
+            count = 0
         if count and (is_timed or is_other or width == 1 or used == 1):
             if is_timed:  # the times state the interval
                 steps = [n for n in steps if _is_plausible(n)]
@@ -364,6 +371,12 @@ def _has_other_form(words: list[list[str]], used: int) -> bool:
     """Return True if the first numbers have fewer decimals than all samples."""
     decimals = [len(word.partition(".")[2]) for row in words for word in row]
     return max(decimals[:used]) < min(decimals[used:], default=0)
+
+
+def _are_printed_like(row: list[str], samples: list[list[str]]) -> bool:
+    """Return True if the numbers of a row have as many decimals as numbers of the samples."""
+    decimals = {len(word.partition(".")[2]) for later in samples for word in later}
+    return all(len(word.partition(".")[2]) in decimals for word in row)
 
 
 def _wrong_count(

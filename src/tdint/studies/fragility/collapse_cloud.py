@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import expit, ndtr, ndtri
 
 from tdint.arrays import Array
@@ -47,6 +46,7 @@ class CollapseCloud(NamedTuple):
 
     def intensity(self, limit: float, probability: float) -> float:
         """Return the intensity where a limit is exceeded with a probability."""
+        from scipy.optimize import brentq  # imported late: other commands do not need it
 
         def excess(ln_im: float) -> float:
             """Return the exceedance minus the probability."""

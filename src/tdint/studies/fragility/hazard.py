@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtri
 
 from tdint.arrays import Array
@@ -161,6 +160,8 @@ class HazardCurve:
                 """Return the integral of H dF below an intensity."""
                 return math.exp(self._ln_contributions(theta, beta, ln_im))
 
+        from scipy.optimize import brentq  # imported late: other commands do not need it
+
         frequency = contributions(math.inf)
         first, last = np.log(self.im[[0, -1]]).tolist()
         # The integral of F |dH| below an intensity is the integral of H dF minus H F.
@@ -220,6 +221,8 @@ class HazardCurve:
         percentile : float
             Conditional probability of collapse at the second intensity.
         """
+        from scipy.optimize import brentq
+
         target = math.log(-math.log1p(-probability) / years)
         ends = math.log(self.im[0]) - _FAR, math.log(self.im[-1]) + _FAR
         ln_theta = brentq(
