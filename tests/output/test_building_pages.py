@@ -88,7 +88,7 @@ def test_runs_and_ratios_of_variants_have_a_column_for_each_building():
     ]
     _, table = _drifts_of_buildings(runs)
     assert table.columns == ("record", "component", "factor", "new", "old")
-    assert table.rows == [("a.csv", "HN1", 2.0, "1", "2"), ("a.csv", "HN2", 2.0, "1.5", "collapse")]
+    assert table.rows == [("a.csv", "HN1", 2.0, 1.0, 2.0), ("a.csv", "HN2", 2.0, 1.5, "collapse")]
     # A run without a drift ratio, or a missing run, needs the list of runs.
     assert _drifts_of_buildings(runs[:3]) == ()
     assert _drifts_of_buildings([*runs[:3], (*runs[3][:4], None, *runs[3][5:])]) == ()
@@ -100,6 +100,7 @@ def test_runs_and_ratios_of_variants_have_a_column_for_each_building():
             [
                 ("new", "old", 1.0, "peak_drift", None, 0.5, 3),
                 ("new", "old", 1.0, "base_shear", None, 1.25, 3),
+                ("new", "old", 1.0, "peak_velocity", None, 1.5, 3),
                 ("weak", "old", 1.0, "peak_drift", None, 2.0, 4),
                 ("weak", "old", 1.0, "base_shear", None, float("nan"), 4.0),
             ],
@@ -107,5 +108,6 @@ def test_runs_and_ratios_of_variants_have_a_column_for_each_building():
     )
     assert "those of old" in text and "(new 3, weak 4" in text
     assert table.columns == ("scale", "quantity", "new", "weak")
-    assert table.rows[0] == (1.0, "peak drift", 0.5, 2.0)
+    # Without drift ratios, the drifts are listed.
+    assert len(table.rows) == 2 and table.rows[0] == (1.0, "peak drift", 0.5, 2.0)
     assert table.rows[1][:3] == (1.0, "base shear", 1.25)

@@ -35,7 +35,7 @@ from tdint.response.spectra.elastic import spectrum
 from tdint.response.spectra.inelastic import constant_strength
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile
-from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture
+from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture, ratio_picture
 from tdint.studies.motions.outcomes import COLLAPSED, COMPLETED, with_outcomes
 from tdint.studies.sensitivity.sensitivity import PEAKS, ParameterEffect
 from tdint.studies.sensitivity.sensitivity_figures import sensitivity_picture
@@ -96,6 +96,9 @@ def test_long_steps_show_all_samples_of_the_record_and_the_peaks_of_the_table():
     assert np.max(np.abs(long.history.ground_acceleration)) < 0.99 * record.pga
     peak = long.stories.peak_displacement[-1]
     assert peak > 1.0005 * np.max(np.abs(long.history.displacement[:, -1]))
+    # The text has the sign of the marked point.
+    roof_motion = long.history.displacement[:, -1]
+    peak = np.copysign(peak, roof_motion[np.argmax(np.abs(roof_motion))])
     assert f"peak {peak:.3g} m" in {text.get_text().partition(" at ")[0] for text in roof.texts}
     assert line.get_xdata()[-1] == pytest.approx(4.0)
     part = run(model, record, dt=0.05, duration=1.0, history=True)
@@ -114,6 +117,19 @@ def profile_of_suite(building, stood, fell, height=3.0):
     runs = [Run(i, 1.0) for i in range(len(outcome))]
     level = (1.0, np.nan, runs, np.arange(len(outcome)), outcome, outcome, ("level", ""), "")
     return Profile(*level, building, named, np.full(2, height), peaks, {})
+
+
+def test_ratios_of_profiles_are_lines_for_each_building():
+    base, half = profile_of_suite("base", 4, 1), profile_of_suite("half", 5, 0)
+    half = replace(half, peaks={name: 0.5 * values for name, values in half.peaks.items()})
+    figure = ratio_picture([base, half], "base")
+    assert len(figure.axes) == 3
+    for axes in figure.axes:
+        line, unit = axes.get_lines()
+        assert line.get_label() == "half" and set(line.get_xdata()) == {0.5}
+        assert set(unit.get_xdata()) == {1.0}
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["half"]
 
 
 def loaded(record=None):
@@ -423,7 +439,8 @@ def test_a_run_in_other_units(shaken, units, labels, limit, part):
     shown = replace(shaken, model=near, history=replace(history, error=ErrorHistory(*errors)))
     text = figure_texts(run_picture(shown, chosen))
     assert not [label for label in labels if label not in text]
-    peak = np.max(np.abs(history.displacement[:, -1])) / chosen.unit("m")[1]
+    roof = history.displacement[:, -1]
+    peak = roof[np.argmax(np.abs(roof))] / chosen.unit("m")[1]
     assert f"peak {peak:.3g} {chosen.unit('m')[0]} at " in text
     assert ("collapse drift" in text) is (limit == 1.0)
     assert ("estimated error" in text) is (part == 0.02)

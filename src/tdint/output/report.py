@@ -80,7 +80,8 @@ def model_chapter(
     )
     devices = buildings.device_model_table(model, units)
     text, stories = _story_parts(model, units, base)
-    parts = (f"{facts} {text}".rstrip(), *(table for table in (stories, devices) if table))
+    parts: list[Part] = [f"{facts} {text}".rstrip()]
+    parts += [table for table in (stories, devices) if table is not None]
     return Chapter(f"Building: {model.name}", parts)
 
 
@@ -143,11 +144,12 @@ def _cells(table: Table, name: str) -> list[Cell]:
 def _common_factor(cells: Sequence[Cell], of_base: Sequence[Cell]) -> str:
     """Return the common ratio of the numbers of two columns as text; empty if the columns are equal
     or have no common ratio in the digits of a report."""
-    if cells == of_base or not all(isinstance(cell, float) and cell for cell in (*cells, *of_base)):
+    own, base = (
+        [cell for cell in column if isinstance(cell, float) and cell] for column in (cells, of_base)
+    )
+    if cells == of_base or not len(own) == len(base) == len(cells):
         return ""
-    ratios = {
-        number_text(float(own) / float(base), 3) for own, base in zip(cells, of_base, strict=True)
-    }
+    ratios = {number_text(value / other, 3) for value, other in zip(own, base, strict=True)}
     return ratios.pop() if len(ratios) == 1 else ""
 
 

@@ -4,6 +4,7 @@ effects of parameters on peak responses.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -315,7 +316,8 @@ def _mark_peak(
 ) -> None:
     """Mark the maximum absolute value and write the peak into the upper right corner.
 
-    The peak may occur between the points. A quantity that is zero is not marked.
+    The peak may occur between the points. Its text has the sign of the marked point. A quantity
+    that is zero is not marked.
 
     `more` is the text after the peak; empty by default.
     """
@@ -324,6 +326,7 @@ def _mark_peak(
     i = int(np.argmax(np.abs(values)))
     axes.plot(time[i], values[i], "o", color=MARK, markersize=4)
     axes.margins(y=0.12)
+    peak = math.copysign(peak, values[i])
     write_note(axes, f"peak {_short(peak)} {unit} at {time[i]:.4g} s{more}", x=0.995)
 
 

@@ -42,7 +42,7 @@ from tdint.studies.campaign.story_profiles import (
     isolated_base,
     level_text,
 )
-from tdint.studies.campaign.variants import at_levels
+from tdint.studies.campaign.variants import at_levels, ratios_of
 from tdint.studies.motions.outcomes import outcomes_of, with_outcomes
 from tdint.studies.motions.pairs import MEAN, suite_text
 from tdint.studies.motions.scaling_figures import GRAY
@@ -112,6 +112,39 @@ def profile_picture(
     )
     omission = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
     return titled(figure, f"{subject}\n{_motions_text(shown[0][0], member)}{omission}")
+
+
+def ratio_picture(profiles: Sequence[Profile], baseline: str) -> Figure:
+    """Plot the means of buildings divided by those of a baseline over the stories of the baseline.
+
+    The means are over the motions that both complete (`tdint.studies.campaign.variants.ratios_of`),
+    at the first level that has a profile of the baseline.
+    """
+    level = next(
+        level for level in at_levels(profiles) if baseline in [item.building for item in level]
+    )
+    base = next(profile for profile in level if profile.building == baseline)
+    figure = Figure(figsize=(8.0, 2.7), layout="constrained")
+    panels = figure.subplots(1, 3, sharey=True)
+    colors = building_styles(profile.building for profile in profiles)
+    quantities = (DRIFT_RATIO, "peak_absolute_acceleration", "peak_shear")
+    for axes, quantity in zip(panels, quantities, strict=True):
+        for profile in level:
+            if profile is base:
+                continue
+            ratios = ratios_of(profile, base, quantity).ratios.mean[1:]
+            style = {"color": colors[profile.building][0], "label": profile.building}
+            by_floor = quantity == "peak_absolute_acceleration"
+            _line(axes, ratios, by_floor, isolated_base(base.isolators), linewidth=1.9, **style)
+        axes.axvline(1.0, color=INK, linewidth=0.8, linestyle=DASHES[1])
+        axes.set_xlim(left=0.0)
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    for axes, noun in zip(panels, ("drift", "absolute acceleration", "story shear"), strict=True):
+        axes.set_xlabel(f"ratio of {noun}")
+    panels[0].set_ylabel("story")
+    _add_common_legend(figure, panels[:1])
+    level_text = f", {base.level_text}" if len(at_levels(profiles)) > 1 else ""
+    return titled(figure, f"Means divided by those of {baseline}{level_text}")
 
 
 def _motions_text(profile: Profile, member: str) -> str:

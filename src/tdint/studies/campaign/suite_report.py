@@ -98,6 +98,10 @@ def suite_page(
         lambda: suite_figures.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, story shears: ground motions, mean, maximum{limit_text}",
     )
+    ratio_figure = []
+    if ratios is not None and baseline is not None:
+        draw = partial(suite_figures.ratio_picture, profiles, baseline)
+        ratio_figure = [Picture(draw, f"Ratios of the means to those of {baseline}")]
     periods = store.first_periods()
     spectra = Picture(
         lambda: suite_figures.floor_suite_picture(floors, units, periods),
@@ -118,7 +122,7 @@ def suite_page(
     chapters = [
         page_text.result(*((profile_figure,) if profiles else ())),
         Chapter("Limits", (page_text.limits,) if page_text.limits else ()),
-        Chapter("Ratios to the baseline", _ratio_parts(ratios)),
+        Chapter("Ratios to the baseline", (*_ratio_parts(ratios), *ratio_figure)),
         _suite_assumptions(plan, store, [*subjects.values()]),
         Chapter("Notes", (once(notes),)),
         *(
@@ -316,18 +320,18 @@ def _drifts_of_buildings(rows: Sequence[Sequence[Any]]) -> tuple[Part, ...]:
     names = list(dict.fromkeys(row[0] for row in rows))
     cells: dict[tuple[Any, ...], dict[str, Cell]] = defaultdict(dict)
     for building, record, component, factor, ratio, *_, status in rows:
-        text = "collapse" if status in FALLEN else "" if ratio is None else number_text(100 * ratio)
-        cells[record, component, factor][building] = text
+        percent = None if ratio is None else 100.0 * ratio
+        cells[record, component, factor][building] = "collapse" if status in FALLEN else percent
         if status == DONE and ratio is None:
             return ()
     is_complete = sum(map(len, cells.values())) == len(rows) == len(cells) * len(names)
     if not 1 < len(names) <= _MOST_BUILDING_COLUMNS or len(cells) > MAX_MOTIONS or not is_complete:
         return ()
-    units = {"record": TEXT, "component": TEXT, "factor": "1", **dict.fromkeys(sorted(names), TEXT)}
+    units = {"record": TEXT, "component": TEXT, "factor": "1", **dict.fromkeys(sorted(names), "%")}
     table = [(*key, *(drifts[name] for name in sorted(names))) for key, drifts in cells.items()]
     return (
-        "Largest drift ratio of a story, %; runs.csv lists its story:",
-        Table.of_units(units, sorted(table)),
+        "Largest drift ratio of a story; runs.csv lists the story:",
+        Table.of_units(units, sorted(table, key=lambda row: row[:3])),
     )
 
 
@@ -352,8 +356,11 @@ def _ratio_parts(ratios: Table | None) -> tuple[Part, ...]:
         return (ratios._replace(rows=rows),)
     # The columns before the quantity, after the building and the baseline, are the level.
     cells: dict[tuple[Cell, ...], dict[str, Cell]] = defaultdict(dict)
+    has_ratios = any(row[first] == "peak drift ratio" for row in rows)
+    omitted = _OMITTED_RATIOS if has_ratios else _OMITTED_RATIOS[1:]
     for row in rows:
-        cells[row[2 : first + 1]][str(row[0])] = row[number]
+        if row[first] not in omitted:
+            cells[row[2 : first + 1]][str(row[0])] = row[number]
     motions = ratios.columns.index("motions")
     counts = {str(row[0]): row[motions] for row in rows}
     listed = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -365,7 +372,12 @@ def _ratio_parts(ratios: Table | None) -> tuple[Part, ...]:
     text = (
         f"Means divided by those of {rows[0][1]}, over the motions that both complete ({listed}); "
     )
-    return f"{text}ratios.csv also lists medians and maxima:", table
+    return f"{text}ratios.csv lists all:", table
+
+
+_OMITTED_RATIOS = ("peak drift", "peak shear", "peak velocity", "peak damper force")
+"""Quantities of ratios.csv that a table with a column for each building omits; the first is only
+omitted if there are drift ratios."""
 
 
 def _damage(store: Store) -> tuple[Part, ...]:

@@ -79,7 +79,8 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     if function.fit == "ida":
         title += ", maximum likelihood" if any(censored) else ", method of moments"
     number = function.motions if function.fit == "stripes" else function.runs
-    title += f"\n{pluralize(number, 'run' if function.fit == 'cloud' else 'record')}"
+    # A pair of components is one ground motion, as in the table of `tdint ida`.
+    title += f"\n{pluralize(number, 'run' if function.fit == 'cloud' else 'ground motion')}"
     if any(censored):
         # The number of censored observations can differ between the functions.
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
@@ -148,7 +149,8 @@ def draw_functions(
             probability = function.probability(im, total=True)
             axes.plot(im, probability, **style, linewidth=1.8, label=label)
             continue
-        alpha = 0.18 if len(functions) == 1 else 0.08
+        # The areas of more functions would merge; their bands have only edges.
+        alpha = (0.18, 0.08)[len(functions) - 1] if len(functions) <= _MAX_IN_PANEL else 0.0
         _draw_function(axes, function, im, i, (0.5, 1.8, 4.5), alpha=alpha, label=_label(function))
         if function.modeling_dispersion and total:
             probability = function.probability(im, total=True)
@@ -158,7 +160,10 @@ def draw_functions(
             )
     which = rf"with $\beta_{{model}}$ = {functions[0].modeling_dispersion:.2g}"
     if fitted and any(function.has_band for function in functions):
-        axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
+        if len(functions) <= _MAX_IN_PANEL:
+            axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
+        else:
+            axes.plot([], [], color="0.5", linewidth=0.5, label="95 % confidence")
     axes.set(xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
     _name_functions(axes, functions, "" if fitted else which)
@@ -186,7 +191,8 @@ def _draw_function(
     style = line_style(i)
     if function.has_band:
         low, high = function.band(im)
-        axes.fill_between(im, low, high, color=style["color"], alpha=alpha, linewidth=0.0)
+        if alpha:
+            axes.fill_between(im, low, high, color=style["color"], alpha=alpha, linewidth=0.0)
         for edge in (low, high):
             axes.plot(im, edge, **style, linewidth=edge_width)
     probability = function.probability(im, total=total)
@@ -295,4 +301,5 @@ def _label(function: Fragility, beta_total: float | None = None) -> str:
     beta = rf"$\beta$ = {function.beta:.2f}"
     if beta_total is not None:
         beta = rf"$\beta_{{total}}$ = {beta_total:.2f}"
-    return rf"{threshold}$\theta$ = {function.theta:.3g}, {beta}"
+    theta = f"{function.theta:.3g} {function.unit}".strip()
+    return rf"{threshold}$\theta$ = {theta}, {beta}"
