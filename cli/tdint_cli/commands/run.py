@@ -24,6 +24,7 @@ from tdint_cli.commands.run_request import (
     ELEMENTS,
     LINKS,
     MODES,
+    RESULTANTS,
     ROWS,
     SEQUENCE,
     SEVERAL,
@@ -138,18 +139,29 @@ def command(request: Request) -> None:
         return
     if request.factors is not None and request.scale:
         raise UsageError("--factors and --scale cannot be used together; omit one of them")
-    if (
+    is_set_of_runs = (
         request.factors is not None
         or len(records) > 1
         or len(request.scale or ()) > 1
         or (records and is_set(records[0]))
-    ):
+    )
+    if is_set_of_runs and not _is_pair(request, records):
         refuse_idle(SEVERAL, MODES)
         request.floor_request.check(request.output)
         call("several runs", request, records)
     else:
         refuse_idle(SINGLE, MODES)
         _run(request)
+
+
+def _is_pair(request: Request, records: Sequence[str]) -> bool:
+    """Return True if two records are the components of one ground motion, because the model has two
+    directions."""
+    if len(records) != 2 or request.factors is not None or len(request.scale or ()) > 1:
+        return False
+    from tdint.model.config.model_file import load_model
+
+    return "-" not in (request.model, *records) and load_model(request.model).across is not None
 
 
 def _run(request: Request) -> None:
@@ -159,7 +171,6 @@ def _run(request: Request) -> None:
     AnalysisError if a limit is exceeded with --require.
     """
     start_time = time.perf_counter()
-    from tdint.response.arguments import model_record
     from tdint.response.runs.outcome import FailedRun
     from tdint.response.runs.run import prepare
 
@@ -167,6 +178,7 @@ def _run(request: Request) -> None:
     model = _model(request)
     request = replace(request, output_units=model.output_units)
     check_limit_options(request.limit, request.require, [model])
+    _check_directions(request, model)
     if model.rows and (request.picture_file or request.report):
         raise UsageError(
             "--plot and --report show stories, but this model has rows that are not floors: use "
@@ -177,9 +189,9 @@ def _run(request: Request) -> None:
         from tdint.response.runs.damage import divisor_and_period_of_model
 
         # Invalid damage states are refused before the run.
-        divisor_and_period_of_model(model, model.damage.demand)
+        divisor_and_period_of_model(model.directions[0], model.damage.demand)
     events = _sequence_records(request, model)
-    record = None if events else model_record(model)
+    record = None if events else _record(request, model)
     records = events or ([record] if record else [])
     record_inputs = [source for read in records for source in read.inputs]
     case = prepare(
@@ -196,7 +208,9 @@ def _run(request: Request) -> None:
     # Print these warnings before the integration: an incorrect unit can explain a failure, and a
     # smaller time step does not correct it. The records of a sequence are joined by the run, so
     # that their warnings follow after it.
-    warn(*case.plausibility_warnings, *_record_warnings(None if events else case.record))
+    # The warnings of two directions follow after the run, with their directions.
+    early_warnings = () if case.across else case.plausibility_warnings
+    warn(*early_warnings, *_record_warnings(None if events else case.record))
     is_interpreted = _interpret_if_not_compiled(request, case)
     try:
         response = _respond(case, events, request, is_interpreted and not is_adaptive)
@@ -219,7 +233,7 @@ def _run(request: Request) -> None:
     if response.collapse:
         subject = f"{response.model.name}: " if is_quiet() else ""
         complain(subject + _collapse_sentence(response, response.collapse))
-    warn(*(text for text in response.warnings if text not in case.plausibility_warnings))
+    warn(*(text for text in response.warnings if text not in early_warnings))
     warn(*_record_warnings(response.record if events else None))
     note_of_runs(*response.notes)
     unmet = [verdict.text for verdict in verdicts if not verdict.met]
@@ -236,10 +250,41 @@ def _model(request: Request) -> Model:
     model = load_model(request.model)
     if not request.sequence:
         model = with_motion(model, request)
-    units = request.output_units
-    return replace(
-        model, output_units=units or model.output_units, page_units=units or model.page_units
-    )
+    if (units := request.output_units) is None:
+        return model
+    return model.in_directions(output_units=units, page_units=units)
+
+
+def _check_directions(request: Request, model: Model) -> None:
+    """Raise UsageError for options without a meaning for a model with two directions."""
+    if model.across is None:
+        return
+    floors = request.floor_request
+    options_given = {
+        "--sequence": request.sequence,
+        "--report": request.report,
+        "--floor-spectra": floors.floors,
+        "--export-floors": request.export_floors,
+    }
+    for option, value in options_given.items():
+        if value:
+            raise UsageError(
+                f"{option} requires one direction, but {request.model} has two; omit it, or write "
+                "a model file for each direction"
+            )
+
+
+def _record(request: Request, model: Model) -> Record | None:
+    """Return the ground motion of a single run: of the command line, or of the model."""
+    from tdint.response.arguments import model_record
+
+    files = request.records or ((request.record,) if request.record else ())
+    if model.across is None or not files:
+        return model_record(model)
+    from tdint.response.runs.two_directions import pair_of_files
+
+    factor = request.scale[0] if request.scale else 1.0
+    return pair_of_files(model, files, request.choice).scaled(factor)
 
 
 def _sequence_records(request: Request, model: Model) -> list[Record]:
@@ -279,7 +324,10 @@ def _interpret_if_not_compiled(request: Request, case: Case) -> bool:
     methods = [case.method]
     if request.check is not False:
         methods = [case.method, reference(case).method]
-    return run_interpreted(case.prepared, methods)
+    is_interpreted = run_interpreted(case.prepared, methods)
+    if case.across is not None:
+        is_interpreted |= _interpret_if_not_compiled(request, case.across)
+    return is_interpreted
 
 
 def _failure_content(
@@ -376,16 +424,21 @@ def _files(
     units = request.units_shown
     files: dict[Path, Content] = {}
     if request.output:
-        files[Path(request.output) / (ROWS if response.model.rows else STORIES)] = stories.csv()
-        if elements := tables.elements.element_table(response):
-            files[Path(request.output) / ELEMENTS] = elements.in_units(units).csv()
-        device_tables = (
-            *tables.devices.device_tables(response),
-            tables.devices.contact_table(response),
-        )
-        for name, table in zip((ATTACHMENTS, LINKS, CONTACTS), device_tables, strict=True):
-            if table:
-                files[Path(request.output) / name] = table.in_units(units).csv()
+        folder = Path(request.output)
+        files[folder / (ROWS if response.model.rows else STORIES)] = stories.csv()
+        if response.directions:
+            resultants = tables.directions.resultant_table(response)
+            files[folder / RESULTANTS] = resultants.in_units(units).csv()
+        parts = dict(zip(("x-", "y-"), response.directions, strict=False)) or {"": response}
+        for prefix, part in parts.items():
+            part_tables = {
+                ELEMENTS: tables.elements.element_table(part),
+                **dict(zip((ATTACHMENTS, LINKS), tables.devices.device_tables(part), strict=True)),
+                CONTACTS: tables.devices.contact_table(part),
+            }
+            for name, table in part_tables.items():
+                if table:
+                    files[folder / f"{prefix}{name}"] = table.in_units(units).csv()
     _check_disk_space(request, response.model, response.steps)
     if (file := request.history_file) and response.history_chunks:
         # The columns of estimated errors increase the size of the file by half, so that they are
@@ -395,6 +448,14 @@ def _files(
             for chunk in response.history_chunks(request.history_every)
         )
         files[file] = lambda stream: tables.histories.write_history(chunks, stream, units)
+    elif file and response.directions:
+        from tdint.response.runs.two_directions import histories_of
+
+        x, y = (
+            replace(part, error=part.error if request.check else None).every(request.history_every)
+            for part in histories_of(response)
+        )
+        files[file] = lambda stream: tables.histories.write_history([x], stream, units, [y])
     if request.output:
         floor_files, notes = request.floor_request.files(
             response,
@@ -407,7 +468,12 @@ def _files(
         note(*notes)
     if picture := request.picture_file:
         files[picture] = figures.style.picture(
-            picture.suffix, lambda: figures.runs.run_picture(_with_history(response), units)
+            picture.suffix,
+            lambda: (
+                figures.directions.plan_picture(response, units)
+                if response.directions
+                else figures.runs.run_picture(_with_history(response), units)
+            ),
         )
     if not (request.output or request.report):
         return files, {}
@@ -575,12 +641,26 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     if is_debug() and not page:
         microseconds = 1e6 * response.solver_time / response.steps
         cost = f"{microseconds:.3g} us per step ({system.CLOCKS[system.clock()]}), "
+    resultants, results = response.resultants, response.directions
+    directions = ", two directions" if results else ""
     lines = [
-        f"{response.model.name}: {pluralize(len(response.model.stories), 'story')}, {motion}.",
+        f"{response.model.name}: {pluralize(len(response.model.stories), 'story')}{directions}, "
+        f"{motion}.",
         f"{response.method}: {pluralize(response.steps, 'step')} of {response.dt:.6g} s, "
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Maximum {_maximum_demands(response.model, response.stories, units, page)}.",
     ]
+    if resultants is not None:
+        peak, largest = resultants.drift, int(resultants.drift.value.argmax())
+        lines[-1] = f"{lines[-1].replace('Maximum', 'Maximum resultants:', 1)}"
+        lines.append(
+            f"Largest resultant drift {units.text(float(peak.value[largest]), 'm')} at "
+            f"{peak.time[largest]:.4g} s, {peak.direction[largest]:.3g} degrees from x."
+        )
+        lines += [
+            f"{name}: maximum {_maximum_demands(part.model, part.stories, units, page)}."
+            for name, part in zip("xy", results, strict=True)
+        ]
     sentences = tables.devices.device_sentences(response, units) if response.devices else []
     if response.flexure is not None:
         sentences = tables.matrices.linear_sentences(response, units)

@@ -22,7 +22,12 @@ STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png
 ELEMENTS = "elements.csv"
 ATTACHMENTS, LINKS, CONTACTS = "attachments.csv", "links.csv", "contacts.csv"
 ROWS = "rows.csv"
-_TABLES = (STORIES, ELEMENTS, ATTACHMENTS, LINKS, CONTACTS, ROWS)
+RESULTANTS = "resultants.csv"
+_OF_DEVICES = (ELEMENTS, ATTACHMENTS, LINKS, CONTACTS)
+_TABLES = (
+    *(STORIES, RESULTANTS, ROWS, *_OF_DEVICES),
+    *(f"{direction}-{name}" for direction in ("x", "y") for name in _OF_DEVICES),
+)
 ALL_FILES = (*_TABLES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """All files that a single run or a sequence can write to the directory of -o. The summary is
 written last: if its status is `done`, all files are complete."""

@@ -155,7 +155,8 @@ def warn_of(model: Model) -> None:
     from tdint.model.building import assemble
     from tdint.model.plausibility import unusual_values
 
-    warn(*unusual_values(model, assemble(model)))
+    for part in model.directions:
+        warn(*unusual_values(part, assemble(part)))
 
 
 def check_motion(request: BuildingRequest) -> None:
@@ -182,7 +183,14 @@ def with_motion(model: Model, request: BuildingRequest) -> Model:
     UsageError
         Record options are given, but the command line and the model specify no record.
     """
-    return replace(model, excitation=replace(model.excitation, record=_motion(request, model)))
+    across = model.across
+    # A record of the command line has both components.
+    if across is not None and request.record is not None:
+        across = replace(across, excitation=replace(across.excitation, record=None))
+    elif across is not None and across.excitation.record is not None:
+        across = with_motion(across, request)
+    record = _motion(request, model)
+    return replace(model, excitation=replace(model.excitation, record=record), across=across)
 
 
 def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:

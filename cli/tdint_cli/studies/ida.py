@@ -226,7 +226,6 @@ def command(request: IdaRequest) -> None:
     from tdint.response.runs.settings import settings_from
     from tdint.studies.ida.collapse_margin import FAR_FIELD, check_motions, collapse_margin
     from tdint.studies.ida.ida import IdaSettings, ida
-    from tdint.studies.motions.pairs import LARGER
 
     folder = _folder(request)
     model = load_model(request.model)
@@ -263,7 +262,7 @@ def command(request: IdaRequest) -> None:
             overwrite=request.overwrite,
             progress=lambda done, count: show_progress(f"records {done}/{count}", done / count),
             mainshock=mainshock,
-            pair_demand=request.pair_demand or LARGER,
+            pair_demand=request.pair_demand,
         )
     _report_pairs(request, study)
     shown_study = study.in_units(units)
@@ -292,7 +291,7 @@ def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
 
     period = math.nan  # measures such as PGA have no period
     if request.im in SPECTRAL:
-        period = request.period or first_mode(assemble(model), None).period
+        period = request.period or first_mode(assemble(model.directions[0]), None).period
     measure = measure_at(request.im, request.damping, period)
     # --max-im has the quantity of the measure (such as acceleration) if the SI unit of the measure
     # is one of the units of this quantity, with factor 1.

@@ -69,11 +69,14 @@ class Horizontals:
         Components.
     notes : tuple of str
         Notes about assumptions and omitted samples.
+    exchanged : bool
+        True if the files contain `second` before `first`.
     """
 
     first: Record
     second: Record
     notes: tuple[str, ...] = ()
+    exchanged: bool = False
 
     @property
     def source(self) -> str:
@@ -148,11 +151,12 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         )
     # The components are exchanged if the second is counterclockwise from the first.
     first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
+    is_counterclockwise = False
     if first_azimuth is not None and second_azimuth is not None:
         is_counterclockwise = (second_azimuth - first_azimuth) % 360.0 > 180.0
         if is_counterclockwise:
             first, second = second, first
-    return Horizontals(first, second, tuple(notes))
+    return Horizontals(first, second, tuple(notes), is_counterclockwise)
 
 
 def _check_directions(first: Record, second: Record, source: str) -> list[str]:

@@ -568,8 +568,13 @@ def assemble(model: Model) -> Building:
     ------
     ModelError
         P-delta exceeds the stiffness of a story, or a law that can fall has damping with the
-        tangent stiffness.
+        tangent stiffness; or the model has two directions, and is not of one of them.
     """
+    if model.across is not None:
+        raise ModelError(
+            f"{model.name}: the model has two directions, which run, campaign, ida, fragility and "
+            "profiles combine; for other results, write a file with one direction"
+        )
     if model.matrices is not None:
         return _assemble_linear(model)
     building = _assemble_springs(model)

@@ -402,6 +402,11 @@ class Model:
         nan. Rows that are not floors are stories without a height.
     document : Node | None
         Nodes of the model file (`tdint.model.keys.nodes`), for `to_dict`.
+    across : Model | None
+        Model of direction y, if the file has two directions; all other attributes then describe
+        direction x. If the ground motion of x has two components, y has no ground motion.
+    axis_azimuth : float | None
+        Azimuth of axis x, degrees clockwise from north; None for that of the first component.
     """
 
     name: str
@@ -428,6 +433,18 @@ class Model:
     links: tuple[Link, ...] = ()
     matrices: Matrices | None = None
     document: Any = field(default=None, compare=False)
+    across: Model | None = None
+    axis_azimuth: float | None = None
+
+    @property
+    def directions(self) -> tuple[Model, ...]:
+        """Models of direction x and of direction y, or only the model of a single direction."""
+        return (self,) if self.across is None else (replace(self, across=None), self.across)
+
+    def in_directions(self, **values: Any) -> Model:
+        """Return the model with new values of attributes, in both directions if it has two."""
+        across = None if self.across is None else replace(self.across, **values)
+        return replace(self, across=across, **values)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the model file, which `load_model` accepts.
@@ -457,14 +474,15 @@ class Model:
                 else f"{self.name} was not read from a file or a mapping"
             )
         content: dict[str, Any] = plain_values(self.document)
-        excitation = content.get("excitation") or {}
-        record, folder = excitation.get("record"), pathlib.Path(self.source).parent
-        if isinstance(record, str) and record != STDIN:
-            excitation["record"] = resolve(record, folder)
-        for files in (record, *(excitation.get("forces") or ())):
-            for name in ("file", "inventory"):
-                if isinstance(files, dict) and files.get(name, STDIN) != STDIN:
-                    files[name] = resolve(files[name], folder)
+        excitation, folder = content.get("excitation") or {}, pathlib.Path(self.source).parent
+        for loads in (excitation, excitation.get("x") or {}, excitation.get("y") or {}):
+            record = loads.get("record")
+            if isinstance(record, str) and record != STDIN:
+                loads["record"] = resolve(record, folder)
+            for files in (record, *(loads.get("forces") or ())):
+                for name in ("file", "inventory"):
+                    if isinstance(files, dict) and files.get(name, STDIN) != STDIN:
+                        files[name] = resolve(files[name], folder)
         return content
 
     @property
@@ -636,6 +654,11 @@ class Model:
         UsageError
             A name is unknown, a value is out of range, or no story has the parameter.
         """
+        if self.across is not None and numbers:
+            raise UsageError(
+                f"{min(numbers)} cannot be changed: {self.name} has two directions; write a model "
+                "file for each value"
+            )
         if self.matrices is not None and (others := numbers.keys() - {"damping"}):
             raise UsageError(
                 f"{min(others)} cannot be changed: {self.name} is given by matrices or flexural "

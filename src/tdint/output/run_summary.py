@@ -184,6 +184,7 @@ def run_summary(
             "error": energy.error,
         },
         "peaks": _peaks_of(response),
+        **_directions(response),
         **matrices.as_json(response),
         **({"elements": elements.as_dictionaries()} if elements else {}),
         **devices.as_json(response),
@@ -335,6 +336,18 @@ def _peaks_of(response: Response) -> dict[str, float | int | None]:
         return result
     kept = ("peak_base_shear", "peak_total_base_shear")
     return {key: value for key, value in result.items() if key.startswith(kept)}
+
+
+def _directions(response: Response) -> dict[str, Any]:
+    """Return the peaks and errors in x and y of a run in two directions, whose `peaks` are
+    resultants."""
+    if not response.directions:
+        return {}
+    results = {
+        name: {"peaks": _peaks_of(part), "check": _check(part.check, part.stories)}
+        for name, part in zip(("x", "y"), response.directions, strict=True)
+    }
+    return {"directions": results}
 
 
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:

@@ -89,7 +89,8 @@ def record_of(argument: Any) -> Record:
 
 
 def model_record(model: Model) -> Record | None:
-    """Read, process and scale the ground motion that a model specifies; None without a record.
+    """Read, process and scale the ground motion that a model specifies, of both directions of a
+    model with two (`PairRecord`); None without a record.
 
     Raises
     ------
@@ -98,6 +99,10 @@ def model_record(model: Model) -> Record | None:
     UsageError
         Its units or processing steps are invalid.
     """
+    if model.across is not None:
+        from tdint.response.runs.two_directions import pair_of
+
+        return pair_of(model, None)
     source = model.excitation.record
     if source is None:
         return None

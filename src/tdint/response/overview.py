@@ -136,7 +136,9 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         },
     )
     try:
-        building = assemble(model)
+        buildings = [(assemble(part), part) for part in model.directions]
+        # Of two directions, the values are those of the direction with the longer period.
+        building, part = min(buildings, key=lambda item: item[0].first_mode()[0])
         omega, damping = building.first_mode()
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
@@ -154,7 +156,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
     has_complex_modes = building.damped_by_devices and building.stories <= _MAX_COMPLEX_STORIES
     complex_modes = building.complex_modes() if has_complex_modes else None
     warnings = (
-        *plausibility_warnings(model, building, pga, has_motion=source_of_record is not None),
+        *plausibility_warnings(part, building, pga, has_motion=source_of_record is not None),
         *long_step(building, model.analysis.dt, interval),
     )
     if source_of_record is None and moves_without_record(model):
@@ -171,7 +173,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         else (None, None)
     )
     return Overview(
-        model,
+        part,
         float(building.mass.sum()),
         float(building.height_contributions.sum()),
         first_period,
@@ -209,7 +211,11 @@ def modes(model: AnyModel) -> Modes:
 
 
 # Keys of a model file with the names of files of the ground motion.
-_RECORD_KEYS = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
+_RECORD_KEYS = tuple(
+    f"excitation.{direction}{name}"
+    for direction in ("", "x.", "y.")
+    for name in ("record", "record.file", "record.inventory")
+)
 
 
 def _check_exists(text: str, folder: Path) -> None:

@@ -31,6 +31,14 @@ from tdint.ground_motion.choice import (
     parse_trim,
 )
 from tdint.model.config.devices import ATTACHMENTS, LINKS, read_devices
+from tdint.model.config.directions import (
+    OF_EXCITATION,
+    OF_FILE,
+    check_isolators,
+    documents_of,
+    has_directions,
+    with_directions,
+)
 from tdint.model.config.matrix_keys import BASE, MATRICES, MATRIX
 from tdint.model.config.sections import (
     DAMPING,
@@ -219,16 +227,20 @@ MOTION_KEYS = {"record": "", "displacement": "displacement", "velocity": "veloci
 an acceleration, or the quantity that the file states."""
 
 _MOTION = Either((TextLine(), _RECORD))
+_EXCITATION_KEYS = (
+    Key("record", _MOTION, "ground motion: a file, or file and options"),
+    Key("displacement", _MOTION, "displacement of the ground or of a shaking table, instead"),
+    Key("velocity", _MOTION, "velocity of the ground, instead"),
+    Key(
+        "forces",
+        EntriesOf(Either((_FORCE, _TABLE_FORCE))),
+        "forces on floors: harmonic, from a table in a file, or through points",
+    ),
+)
 EXCITATION = Keys(
     (
-        Key("record", _MOTION, "ground motion: a file, or file and options"),
-        Key("displacement", _MOTION, "displacement of the ground or of a shaking table, instead"),
-        Key("velocity", _MOTION, "velocity of the ground, instead"),
-        Key(
-            "forces",
-            EntriesOf(Either((_FORCE, _TABLE_FORCE))),
-            "forces on floors: harmonic, from a table in a file, or through points",
-        ),
+        *with_directions(_EXCITATION_KEYS, OF_EXCITATION),
+        Key("azimuth", ANY, "of axis x of two directions, degrees clockwise from north"),
     )
 )
 
@@ -410,57 +422,58 @@ _CONTACT = (
     "write the second building as `attachments` with `floor: ground`, and the contact as a link "
     "with the law gap"
 )
-_MODEL = Keys(
-    (
-        Key("name", TextLine(), "name of the building; default: name of the file"),
-        Key("units", UNITS, "units of the numbers in this file; default: SI"),
-        Key("stories", STORIES, "stories from the ground up; `repeat` for equal stories"),
-        Key("building", Keys(()), "properties from which rules derive the stories"),
-        Key(
-            "stiffness_matrix",
-            MATRIX,
-            "stiffness of a linear frame at its floors, instead of `stiffness` in each story",
-        ),
-        Key("matrices", MATRICES, "linear model with rows that are not floors, instead of stories"),
-        Key("base", BASE, "springs under flexural stories; default: clamped"),
-        Key("attachments", ATTACHMENTS, "masses on floors: absorbers, tanks, equipment"),
-        Key("links", LINKS, "springs and dashpots between any two floors, or to the ground"),
-        Key(
-            "damping",
-            DAMPING,
-            "damping in addition to dashpots; 5% is Rayleigh damping in modes 1 and 3",
-        ),
-        Key("p_delta", Flag(), "true if gravity acts on the displaced building"),
-        Key("excitation", EXCITATION, "ground motion and forces"),
-        Key("initial", _INITIAL, "initial state; default: at rest"),
-        Key(
-            "analysis",
-            _ANALYSIS,
-            "method, time step and duration; options of the command line take precedence",
-        ),
-        Key(
-            "collapse_drift",
-            DRIFT_BOUNDS,
-            "drift ratio above which a run is reported as collapsed; default: 10%",
-        ),
-        Key(
-            "plausibility",
-            _PLAUSIBILITY,
-            "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
-        ),
-        Key("damage", Keys(()), "damage states of the building"),
-        Key("limits", Keys(()), "limits of demands, which runs are compared with"),
-        Key(
-            "output_units",
-            Either((TextLine(), EntriesOf(TextLine(), least=1))),
-            "units of the output: kip, in, g",
-        ),
-        Key(
-            "report",
-            _REPORT_HEAD,
-            "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'",
-        ),
+_MODEL_KEYS = (
+    Key("name", TextLine(), "name of the building; default: name of the file"),
+    Key("units", UNITS, "units of the numbers in this file; default: SI"),
+    Key("stories", STORIES, "stories from the ground up; `repeat` for equal stories"),
+    Key("building", Keys(()), "properties from which rules derive the stories"),
+    Key(
+        "stiffness_matrix",
+        MATRIX,
+        "stiffness of a linear frame at its floors, instead of `stiffness` in each story",
     ),
+    Key("matrices", MATRICES, "linear model with rows that are not floors, instead of stories"),
+    Key("base", BASE, "springs under flexural stories; default: clamped"),
+    Key("attachments", ATTACHMENTS, "masses on floors: absorbers, tanks, equipment"),
+    Key("links", LINKS, "springs and dashpots between any two floors, or to the ground"),
+    Key(
+        "damping",
+        DAMPING,
+        "damping in addition to dashpots; 5% is Rayleigh damping in modes 1 and 3",
+    ),
+    Key("p_delta", Flag(), "true if gravity acts on the displaced building"),
+    Key("excitation", EXCITATION, "ground motion and forces"),
+    Key("initial", _INITIAL, "initial state; default: at rest"),
+    Key(
+        "analysis",
+        _ANALYSIS,
+        "method, time step and duration; options of the command line take precedence",
+    ),
+    Key(
+        "collapse_drift",
+        DRIFT_BOUNDS,
+        "drift ratio above which a run is reported as collapsed; default: 10%",
+    ),
+    Key(
+        "plausibility",
+        _PLAUSIBILITY,
+        "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
+    ),
+    Key("damage", Keys(()), "damage states of the building"),
+    Key("limits", Keys(()), "limits of demands, which runs are compared with"),
+    Key(
+        "output_units",
+        Either((TextLine(), EntriesOf(TextLine(), least=1))),
+        "units of the output: kip, in, g",
+    ),
+    Key(
+        "report",
+        _REPORT_HEAD,
+        "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'",
+    ),
+)
+_MODEL = Keys(
+    with_directions(_MODEL_KEYS, OF_FILE),
     one_of=(("stories", "building", "matrices"),),
     other_names=(
         *((name, "attachments") for name in ("absorbers", "absorber", "tmd", "tmds", "equipment")),
@@ -539,8 +552,27 @@ def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
 
     The mapping is the content of a model file, or a part of a file of another type.
     """
+    if has_directions(value):
+        return _read_directions(value, origin)
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None
+
+
+def _read_directions(value: Value, origin: SourceText) -> Model | None:
+    """Return the model of a file with two directions (`Model.across`)."""
+    sections = [document.section(_MODEL) for document in documents_of(value)]
+    models = [_read_model(section, origin) for section in sections if section]
+    if len(models) < len(sections):
+        return None
+    x, y = models
+    for model in models:
+        check_isolators(value, model.stories)
+    azimuth = (excitation := value.peek("excitation")) and excitation.peek("azimuth")
+    if bool(x.excitation.record) < bool(y.excitation.record):
+        value.fault("excitation.x: the ground motion is missing; give that of both directions")
+    return replace(
+        x, across=y, axis_azimuth=azimuth.number(ANY) if azimuth else None, document=value.node
+    )
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:

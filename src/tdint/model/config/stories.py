@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
+from tdint.model.config.directions import OF_STORY, with_directions
 from tdint.model.config.fractures import FRACTURE, read_fracture
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
@@ -450,46 +451,46 @@ _FLEXURAL = Keys(
         Key("GA", POSITIVE, "shear stiffness with the shape factor, force; default: infinite"),
     )
 )
-_STORY = Keys(
-    (
-        Key(
-            "mass",
-            NOT_NEGATIVE,
-            "mass of the floor above, positive; 0 only with `stiffness_matrix` or `flexural`",
-        ),
-        Key("weight", POSITIVE, "weight of the floor above, instead of its mass"),
-        Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
-        Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
-        Key("period", POSITIVE, "natural period of a single story, s, instead of its stiffness"),
-        Key("law", LAW, "hysteretic law; default: linear"),
-        Key("elements", ELEMENTS, "springs in parallel, instead of `stiffness` and `law`"),
-        Key(
-            "dashpot",
-            DASHPOT,
-            "viscous damper between the floors: force over velocity",
-        ),
-        Key(
-            "isolator",
-            Either((Flag(), Choice((_RAYLEIGH,)))),
-            "true for an isolator: its displacement is reported instead of a drift ratio; "
-            "`rayleigh` for an isolator with Rayleigh damping",
-        ),
-        Key(
-            "rayleigh",
-            Flag(),
-            "false for a story without Rayleigh damping, such as a soil spring; default: true, of "
-            "an isolator false",
-        ),
-        Key(
-            "p_delta",
-            Flag(),
-            "false for a story without P-delta, which needs no height; default: `p_delta` of the "
-            "model",
-        ),
-        INERTANCE,
-        Key("flexural", _FLEXURAL, "bending and shear stiffness, instead of `stiffness`"),
-        Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
+_STORY_KEYS = (
+    Key(
+        "mass",
+        NOT_NEGATIVE,
+        "mass of the floor above, positive; 0 only with `stiffness_matrix` or `flexural`",
     ),
+    Key("weight", POSITIVE, "weight of the floor above, instead of its mass"),
+    Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
+    Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
+    Key("period", POSITIVE, "natural period of a single story, s, instead of its stiffness"),
+    Key("law", LAW, "hysteretic law; default: linear"),
+    Key("elements", ELEMENTS, "springs in parallel, instead of `stiffness` and `law`"),
+    Key(
+        "dashpot",
+        DASHPOT,
+        "viscous damper between the floors: force over velocity",
+    ),
+    Key(
+        "isolator",
+        Either((Flag(), Choice((_RAYLEIGH,)))),
+        "true for an isolator: its displacement is reported instead of a drift ratio; "
+        "`rayleigh` for an isolator with Rayleigh damping",
+    ),
+    Key(
+        "rayleigh",
+        Flag(),
+        "false for a story without Rayleigh damping, such as a soil spring; default: true, of "
+        "an isolator false",
+    ),
+    Key(
+        "p_delta",
+        Flag(),
+        "false for a story without P-delta, which needs no height; default: `p_delta` of the model",
+    ),
+    INERTANCE,
+    Key("flexural", _FLEXURAL, "bending and shear stiffness, instead of `stiffness`"),
+    Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
+)
+_STORY = Keys(
+    with_directions(_STORY_KEYS, OF_STORY),
     one_of=(("mass", "weight"),),
 )
 STORIES = EntriesOf(_STORY, least=1)

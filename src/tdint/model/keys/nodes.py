@@ -112,8 +112,10 @@ class Faults:
         self._faults.append(ModelFault(self.source, location.line, location.column, key, message))
 
     def error(self) -> ModelError:
-        """Return the exception with all errors in the order of the file."""
-        return ModelError(sorted(self._faults, key=lambda problem: (problem.line, problem.column)))
+        """Return the exception with all errors in the order of the file. The two directions of a
+        model report an error in common values twice; it is listed one time."""
+        faults = dict.fromkeys(self._faults)
+        return ModelError(sorted(faults, key=lambda problem: (problem.line, problem.column)))
 
     def raise_if_any(self) -> None:
         """Raise the exception if an error has been added."""

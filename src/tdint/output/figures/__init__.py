@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
+    from tdint.output.figures import directions as directions
     from tdint.output.figures import floor_spectra as floor_spectra
     from tdint.output.figures import loads as loads
     from tdint.output.figures import mode_shapes as mode_shapes

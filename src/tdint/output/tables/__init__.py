@@ -7,6 +7,7 @@ from tdint.tabular import modules_on_use
 if TYPE_CHECKING:
     from tdint.output.tables import buildings as buildings
     from tdint.output.tables import devices as devices
+    from tdint.output.tables import directions as directions
     from tdint.output.tables import elements as elements
     from tdint.output.tables import histories as histories
     from tdint.output.tables import methods as methods

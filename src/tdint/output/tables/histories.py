@@ -117,7 +117,12 @@ class HistoryLayout(NamedTuple):
         )
 
 
-def write_history(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
+def write_history(
+    pieces: Iterable[History],
+    stream: BinaryIO,
+    units: OutputUnits = SI,
+    across: Iterable[History] = (),
+) -> None:
     """Write a response history as CSV with one row per time step.
 
     Parameters
@@ -126,10 +131,22 @@ def write_history(pieces: Iterable[History], stream: BinaryIO, units: OutputUnit
         Consecutive parts of the history in the order of time, so that memory use is limited.
     units : OutputUnits
         Units of the columns; SI by default.
+    across : iterable of History
+        Parts of the history in direction y of a run in two directions, with the times of `pieces`.
+        The names of all columns but the time then start with the direction, as in
+        `y_floor_1_velocity_m_s`.
     """
-    for index, history in enumerate(pieces):
-        layout = HistoryLayout.of(history)
-        names_and_factors = [units.column(column.name, column.unit) for column in layout.columns]
+    for index, parts in enumerate(zip(pieces, across, strict=True) if across else zip(pieces)):
+        history = parts[0]
+        prefixes = ("x_", "y_") if across else ("",)
+        layouts = [HistoryLayout.of(part) for part in parts]
+        # The time is the first column of each direction, and the same.
+        names_and_factors = [
+            units.column(f"{prefix if i else ''}{column.name}", column.unit)
+            for prefix, layout in zip(prefixes, layouts, strict=True)
+            for i, column in enumerate(layout.columns)
+            if i or prefix != "y_"
+        ]
         if index == 0:
             stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
         factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
@@ -139,7 +156,11 @@ def write_history(pieces: Iterable[History], stream: BinaryIO, units: OutputUnit
         # are a and b of story 1, a and b of story 2, and so on, as in `HistoryLayout`. `stack`
         # therefore adds the quantity as the last axis, and `reshape` joins the axes of stories and
         # quantities.
-        groups = [[column.of(history) for column in group] for _, group in layout.groups]
+        groups = [
+            [column.of(part) for column in group if part is history or column.value != "time"]
+            for part, layout in zip(parts, layouts, strict=True)
+            for _, group in layout.groups
+        ]
         for start in range(0, len(history.time), _ROWS_AT_ONCE):
             row_slice = slice(start, start + _ROWS_AT_ONCE)
             group_blocks = (

@@ -58,8 +58,14 @@ def response_table(response: Response) -> Table:
     """Return the table of the peak responses of a run, with one row per story from the ground up.
 
     For a sequence, these rows are listed for each event and then for the complete sequence; the
-    first column identifies the event.
+    first column identifies the event. For two directions, they are listed for each direction and
+    for the resultants.
     """
+    if response.directions:
+        # Imported here, because few models have two directions.
+        from tdint.output.tables.directions import direction_table
+
+        return direction_table(response)
     groups: Any = ()
     if response.model.matrices is not None:
         # Imported here, because few models have matrices.

@@ -53,6 +53,7 @@ from tdint.response.runs.prepared import (
     PreparedBuilding,
     RunSpec,
 )
+from tdint.response.runs.settings import RunSettings
 from tdint.response.time_steps import Steps
 
 _parse_cached = lru_cache(maxsize=64)(parse)
@@ -80,9 +81,15 @@ class Subject:
     @cached_property
     def prepared(self) -> PreparedBuilding:
         """Building as arrays."""
-        if self.model.rows:
-            self.model.require_chain("a set of runs")
-        return PreparedBuilding.of(self.model)
+        model, *_ = self.model.directions
+        if model.rows:
+            model.require_chain("a set of runs")
+        return PreparedBuilding.of(model)
+
+    @cached_property
+    def across(self) -> Subject | None:
+        """Building in direction y with its method; None for a building in one direction."""
+        return None if self.model.across is None else Subject(self.model.across, self.method)
 
     @cached_property
     def integrator(self) -> Integrator:
@@ -97,14 +104,16 @@ class Subject:
             return self.loaded(record, scale).case(None)
         record = None if record is NO_MOTION else record
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
-        return Case(self.model, self.prepared, scaled, self.integrator)
+        across = self.across and self.across.case(getattr(scaled, "across", None))
+        model, *_ = self.model.directions
+        return Case(model, self.prepared, scaled, self.integrator, across=across)
 
     def throughout(self) -> Subject:
         """Return the building without the duration in the `analysis` section of its model."""
         analysis = self.model.analysis
         if analysis.duration is None:
             return self
-        model = replace(self.model, analysis=replace(analysis, duration=None))
+        model = self.model.in_directions(analysis=replace(analysis, duration=None))
         return Subject(model, self.method)
 
     def loaded(self, load_case: LoadCase, scale: float = 1.0) -> Subject:
@@ -306,6 +315,12 @@ def run_batch(
     def integrate(i: int) -> Response:
         """Integrate run `i` individually."""
         run_case, steps = case(i), runs[i][2]
+        if run_case.across is not None:
+            from tdint.response.runs.two_directions import integrate_directions
+
+            duration = None if steps.continues else steps.end
+            settings = RunSettings(dt=steps.h, duration=duration, until_rest=to_rest, check=check)
+            return integrate_directions(run_case, settings, keep=has_history)
         integrate_case = run_with_error_estimate if check else Case.integrate
         if not to_rest:
             return integrate_case(run_case, steps, has_history)
@@ -321,7 +336,7 @@ def run_batch(
     # Error estimates require a second run of each run, and an unstable time step an error message
     # of each run.
     building = prepared.building
-    if check or prepared.instability(subject.integrator, h):
+    if check or subject.across or prepared.instability(subject.integrator, h):
         outcomes = Outcomes.of(building, BatchResult.empty(len(runs), building), to_rest)
         for i in range(len(runs)):
             outcomes.replace(i, partial(integrate, i))

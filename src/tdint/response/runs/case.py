@@ -135,6 +135,8 @@ class Case(Described):
     remarks : tuple of str
         Notes on the preparation of the case, one sentence each; they are included in the notes of
         its runs.
+    across : Case | None
+        Case of direction y of a building in two directions, of which this is the case of x.
     """
 
     model: Model
@@ -143,6 +145,7 @@ class Case(Described):
     method: Integrator
     allow_unstable: bool = False
     remarks: tuple[str, ...] = ()
+    across: Case | None = None
 
     def _headline(self) -> str:
         motion = f"under {self.record.name}" if self.record else "without ground motion"
@@ -197,7 +200,11 @@ class Case(Described):
         record : Record | None
             Ground motion; None for free vibration or forces on floors only.
         """
-        return replace(self, record=record)
+        if self.across is None:
+            return replace(self, record=record)
+        return replace(
+            self, record=record, across=self.across.under(getattr(record, "across", None))
+        )
 
     def integrated_by(self, method: Integrator) -> Case:
         """Return the same building and ground motion with another method, without the remarks.

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tdint.response.runs.flexure import FlexurePeaks
     from tdint.response.runs.history import History
     from tdint.response.runs.run_state import RunState
+    from tdint.response.runs.two_directions import Resultants
 
 
 def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
@@ -534,6 +535,12 @@ class Response(Tabular):
         Results of the elements of stories with several elements; None without such stories.
     final_state : RunState
         State at the end of the run, from which `run(..., initial=response.final_state)` continues.
+    directions : tuple of Response
+        Runs along x and y of a building in two directions, whose resultants are in `stories`;
+        empty for one direction.
+    resultants : Resultants | None
+        Resultants of displacements, drifts, accelerations and shears in two directions, with their
+        times and directions; None for one direction.
     """
 
     model: "Model"
@@ -565,6 +572,8 @@ class Response(Tabular):
     elements: "ElementPeaks | None" = None
     growth: float = 0.0
     record_rows: int = 0
+    directions: "tuple[Response, ...]" = ()
+    resultants: "Resultants | None" = None
 
     @property
     def contacts(self) -> "tuple[LinkContact, ...]":

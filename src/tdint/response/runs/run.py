@@ -250,6 +250,18 @@ def prepare(
     is_chosen = not (method or model.analysis.method or initial)
     remarks = [f"{NO_METHOD}; using {specification}"] if is_chosen else []
     integrator = initial.method if initial and not method else parse(specification)
+    if model.across is not None:
+        from tdint.response.runs.two_directions import pair_of
+
+        if initial:
+            raise UsageError("initial: a run in two directions cannot continue another run")
+        pair = pair_of(model, record)
+        components = pair.components if pair else (None, None)
+        x, y = (
+            Case(part, PreparedBuilding.of(part), ground, integrator, allow_unstable, tuple(remarks))
+            for part, ground in zip(model.directions, components, strict=True)
+        )
+        return replace(x, record=pair, across=y)
     ground = model_record(model) if record is None else record_of(record)
     prepared = PreparedBuilding.of(model)
     if initial:
@@ -361,6 +373,10 @@ def integrate_case(
     FailedRun
         As by `run`.
     """
+    if case.across is not None:
+        from tdint.response.runs.two_directions import integrate_directions
+
+        return integrate_directions(case, settings, tolerance=tolerance)
     if settings.until_rest:
         return run_until_rest(
             case,

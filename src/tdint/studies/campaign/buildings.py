@@ -128,6 +128,10 @@ def model_buildings(subjects: Sequence[Subject]) -> tuple[ModelBuilding, ...]:
 def digest_of(model: Model, method: str) -> str:
     """Return the SHA-256 of a model and a method. Two models with the same SHA-256 have the same
     response to each ground motion."""
+    if model.across is not None:
+        digests = [digest_of(part, method) for part in model.directions]
+        text = " ".join([*digests, repr(model.axis_azimuth)])
+        return hashlib.sha256(text.encode()).hexdigest()
     # Remove everything that does not change the response, such as names and units of the output.
     # The ground motion of the model is not used in a campaign.
     unexcited = replace(model, excitation=Excitation(None, model.excitation.forces))
@@ -157,6 +161,8 @@ def digest_of(model: Model, method: str) -> str:
         "limits",
         "weight_factor",
         "force_unit",
+        "across",
+        "axis_azimuth",
     ):
         del content[name]
     # A table is identified by the digest of its numbers.

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 
 from tdint.errors import AnalysisError
+from tdint.ground_motion.axes import PairRecord
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.output.tables.devices import device_rows
@@ -714,6 +715,12 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
         return [
             None if None in values else max(filter(None, values), default=0.0)
             for values in values_by_period
+        ]
+    if isinstance(record, PairRecord):
+        components = [spectral_accelerations(part, periods) for part in record.components]
+        return [
+            None if x is None or y is None else math.sqrt(x * y)
+            for x, y in zip(*components, strict=True)
         ]
     # The call fails if one of the periods is too short for the record, or infinite. In this case,
     # compute each period separately, so that only this period has no result.

@@ -55,6 +55,7 @@ from tdint.studies.campaign.definition import (
     SequenceFile,
 )
 from tdint.studies.fragility.type_states import ClassDamage, read_class_damage
+from tdint.studies.motions.pairs import motions_along_axes
 from tdint.studies.regions.inventory import InventoryRows, read_inventory
 from tdint.studies.regions.sites import factors_in, read_field, read_grid
 from tdint.units import FORCE, GROUND_MOTION, parse_units, suffix
@@ -138,6 +139,19 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
         motions = read_load_cases(campaign.records, models, rows, campaign.source)
     else:
         motions = _READERS[type(campaign.records)](campaign.records)
+    if any(model.across for model in models):
+        if motions.site_motions is not None:
+            raise UsageError(
+                f"{campaign.source}: buildings with two directions cannot have motions of sites; "
+                "list the records of all buildings"
+            )
+        along = motions_along_axes(motions.motions, models, campaign.source, campaign.pair_demand)
+        demand = "the larger demand" if campaign.pair_demand else "the resultant demands"
+        note = (
+            f"{pluralize(len(along), 'pair')} of horizontal components: each pair is one motion, "
+            f"with {demand} of both directions"
+        )
+        motions = replace(motions, motions=along, notes=(*motions.notes, note))
     # Omit buildings that are too far from all sites before a sweep multiplies them. The sites have
     # no locations if the inventory names the site of each building.
     too_far: tuple[ModelFault, ...] = ()
@@ -217,7 +231,7 @@ def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
         P-delta is requested for a model without story heights.
     """
     if analysis.collapse_drift is not None:
-        model = replace(model, collapse_drift=analysis.collapse_drift)
+        model = model.in_directions(collapse_drift=analysis.collapse_drift)
     if analysis.p_delta is not None:
         if analysis.p_delta and any(
             story.height is None and story.p_delta is not False for story in model.stories
@@ -226,7 +240,7 @@ def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
                 f"{model.source}: p_delta of the campaign file requires the heights of all "
                 "stories; add the heights, or remove p_delta"
             )
-        model = replace(model, p_delta=analysis.p_delta)
+        model = model.in_directions(p_delta=analysis.p_delta)
     return model
 
 

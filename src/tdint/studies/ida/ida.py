@@ -13,10 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.axes import PairRecord
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.measures import integrate
-from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components
+from tdint.ground_motion.reading.suites import (
+    GroundMotion,
+    SuiteMotion,
+    components,
+    suite_motions,
+)
 from tdint.ground_motion.record import Record, named_components
 from tdint.methods.catalogue import method_of
 from tdint.model.building import Building
@@ -52,6 +58,7 @@ from tdint.studies.motions.pairs import (
     SEPARATE,
     check_pair_demand,
     join_pairs,
+    motions_along_axes,
     suite_text,
 )
 from tdint.studies.store.identity import Identity, as_json
@@ -174,8 +181,11 @@ class IdaStudy(Tabular):
     @property
     def motions_text(self) -> str:
         """Numbers of components, recordings and pairs (`suite_text`)."""
-        records = range(len(self.states[0].curves))
-        return suite_text([self.partners.get(record, record) for record in records])
+        curves = self.states[0].curves
+        numbers = [self.partners.get(record, record) for record in range(len(curves))]
+        # The records of a building in two directions have two components.
+        counts = [1 + isinstance(curve.record, PairRecord) for curve in curves]
+        return suite_text(np.repeat(numbers, counts).tolist())
 
     @property
     def states(self) -> list[IdaStudy]:
@@ -246,7 +256,7 @@ def ida(
     overwrite: bool = False,
     progress: bool | Progress = False,
     mainshock: Mainshock | None = None,
-    pair_demand: str = LARGER,
+    pair_demand: str | None = None,
 ) -> IdaStudy:
     """Run a building at increasing levels of intensity until its collapse is bracketed, separately
     for each record.
@@ -282,10 +292,11 @@ def ida(
     mainshock : Mainshock, optional
         Repeat the study with the building damaged by a mainshock. Drifts are then maximum values
         under the motions of the study, measured from the undeformed position.
-    pair_demand : str
-        Rule that combines the two components of a recording in capacities and fractiles: `larger`,
-        `mean` or `separate`. Records of the same recording, by their names, are a pair unless they
-        count separately.
+    pair_demand : str, optional
+        Rule that combines the two components of a recording in capacities and fractiles: `larger`
+        (default), `mean` or `separate`. Records of the same recording, by their names, are a pair
+        unless they count separately. For a building in two directions, resultants by default, or
+        `larger`.
 
     Returns
     -------
@@ -310,11 +321,19 @@ def ida(
         motions = [motions]
     subject, settings = _prepare(model_of(model), settings, method)
     # The rule for the demand of a pair does not change its intensity.
+    given_demand, pair_demand = pair_demand, pair_demand or LARGER
     check_pair_demand(pair_demand)
     suite = join_pairs([motion_of(motion) for motion in motions])
     measure = measure_of(measure) if isinstance(measure, str) else measure or sa(subject.period)
-    # A pair is a motion with two records, which have the same intensity.
-    motions_and_records = [(motion, record) for motion in suite for record in components(motion)]
+    # A pair is a motion with two records, which have the same intensity; of a building in two
+    # directions, it is one record with two components.
+    if subject.across is None:
+        motions_and_records = [(motion, part) for motion in suite for part in components(motion)]
+    else:
+        if mainshock is not None:
+            raise UsageError("a study after a main shock requires a building with one direction")
+        along = motions_along_axes(suite_motions(suite), [subject.model], "ida", given_demand)
+        motions_and_records = [(motion.ground_motion, motion.record) for motion in along]
     records = [record for _, record in motions_and_records]
     _check_record_names([" ".join(filter(None, names)) for names in named_components(records)])
     # Compile before the threads start, because each thread would wait for the compilation.
@@ -330,7 +349,8 @@ def ida(
     work_items = [
         _WorkItem(number, subject, measure, settings, *case) for number, case in enumerate(cases)
     ]
-    pair_intensity = pair if len(records) > len(suite) else None
+    has_pairs = any(isinstance(motion, Horizontals) for motion, _ in motions_and_records)
+    pair_intensity = pair if has_pairs else None
     # The input of the runs is stored with the runs, so that another study in the directory is
     # refused.
     run_records = [item.record for item in work_items]
@@ -482,8 +502,11 @@ class _WorkItem:
             if drift > _MIN_RESIDUAL_MULTIPLE * residual_drift
         ]
         # The first level is below yield in the first mode, so that the curve starts elastic.
-        elastic_scale = _elastic_scale(
-            subject.prepared.building, record, subject.model.collapse_drift
+        parts, motions = (subject, subject.across), getattr(record, "components", (record,))
+        elastic_scale = min(
+            _elastic_scale(part.prepared.building, component, subject.model.collapse_drift)
+            for part, component in zip(parts, motions, strict=False)
+            if part is not None
         )
         self.levels = LevelSearch(
             start=intensity * elastic_scale**measure.scale_exponent,
@@ -638,10 +661,7 @@ def _prepare(
     if not settings.max_im > 0.0:
         raise UsageError(f"the maximum intensity must be positive, got {settings.max_im:g}")
     _check_heights(model)
-    subject = Subject(
-        replace(model, collapse_drift=collapse_drift),
-        method_of(model, method),
-    )
+    subject = Subject(model.in_directions(collapse_drift=collapse_drift), method_of(model, method))
     return subject, replace(settings, collapse_drift=collapse_drift, thresholds=thresholds)
 
 

@@ -18,11 +18,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Hashable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self
 
 from tdint.errors import RecordError, UsageError, did_you_mean
+from tdint.ground_motion.axes import along_axes
 from tdint.ground_motion.horizontals import (
+    Horizontals,
     at_right_angles,
     check_components,
     component_in_name,
@@ -35,6 +37,7 @@ from tdint.ground_motion.record import Record
 from tdint.number_parsing import abbreviate, pluralize
 
 if TYPE_CHECKING:
+    from tdint.model.definition import Model
     from tdint.studies.campaign.chunks import Run
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
@@ -244,6 +247,44 @@ def _recordings(
                     [with_component(record, in_degrees=True) for record in records]
                 )
     return result
+
+
+def motions_along_axes(
+    motions: Sequence[SuiteMotion], models: Sequence[Model], source: str, demand: str | None
+) -> tuple[SuiteMotion, ...]:
+    """Return the ground motions of buildings in two directions: each pair is one motion along the
+    axes of the buildings. `demand` is `larger` for the larger demand of both directions; None for
+    resultants.
+
+    Raises
+    ------
+    UsageError
+        A building has one direction, the azimuths of the buildings differ, or the demand is
+        `mean` or `separate`.
+    RecordError
+        A motion has no second component.
+    """
+    if demand not in (None, LARGER):
+        raise UsageError(
+            f"{source}: pair_demand {demand} cannot be used with two directions; use {LARGER}, or "
+            "omit it for resultants"
+        )
+    axes = {model.axis_azimuth for model in models}
+    if len(axes) > 1 or not all(model.across for model in models):
+        raise UsageError(
+            f"{source}: buildings with one and with two directions, or with different azimuths of "
+            "axis x, cannot have the same ground motions; use a campaign for each of them"
+        )
+    along = []
+    for pair in {id(motion): motion for motion in recordings_of(motions)}.values():
+        if not isinstance(pair, Horizontals):
+            raise RecordError(
+                f"{pair.source}: buildings with two directions require both horizontal components; "
+                f"the second component of {pair.name} was not found"
+            )
+        record = replace(along_axes(pair, *axes), larger=demand == LARGER)
+        along.append(SuiteMotion(record, pair.source, pair.component, pair))
+    return tuple(along)
 
 
 def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:

@@ -1,0 +1,136 @@
+"""Ground motions in two directions: the components of a recording along the axes of a building.
+
+Axis y is 90 degrees clockwise from axis x, seen from above, as east is from north.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+
+from tdint.errors import RecordError
+from tdint.ground_motion.horizontals import Horizontals, azimuth
+from tdint.ground_motion.record import Record
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PairRecord(Record):
+    """Ground motion along two axes, as one motion with one factor.
+
+    The attributes of `Record` describe the motion along x, except the source and the component,
+    which name both records.
+
+    Attributes
+    ----------
+    along, across : Record | None
+        Ground motions along x and y, which are always given.
+    larger : bool
+        True if the demands of a building are the larger values of both directions, instead of
+        resultants.
+    """
+
+    along: Record | None = None
+    across: Record | None = None
+    larger: bool = False
+
+    @classmethod
+    def of(cls, along: Record, across: Record) -> Self:
+        """Return the ground motion with two components, in m/s^2 along x and y.
+
+        Raises
+        ------
+        RecordError
+            The sampling intervals or the start times differ.
+        """
+        names = f"{along.name} and {across.name}"
+        if not math.isclose(along.dt, across.dt, rel_tol=1e-9):
+            raise RecordError(
+                f"{names}: the components of x and y have different sampling intervals, "
+                f"{along.dt:g} and {across.dt:g} s; resample one of them"
+            )
+        if along.start and across.start and along.start != across.start:
+            raise RecordError(
+                f"{names}: the components of x and y start at different times, {along.start} and "
+                f"{across.start}; trim both to the same start"
+            )
+        attributes = {field.name: getattr(along, field.name) for field in fields(Record)}
+        for name in ("notes", "warnings", "inputs", "processing", "header_checks"):
+            both = (*getattr(along, name), *getattr(across, name))
+            attributes[name] = tuple(dict.fromkeys(both))
+        for name in ("source", "component"):
+            both = (getattr(along, name), getattr(across, name))
+            attributes[name] = "+".join(filter(None, dict.fromkeys(both)))
+        return cls(**attributes, along=along, across=across)
+
+    @property
+    def components(self) -> tuple[Record, Record]:
+        """Ground motions along x and y."""
+        assert self.along is not None and self.across is not None
+        return self.along, self.across
+
+    @property
+    def pga(self) -> float:
+        """Geometric mean of the peak ground accelerations of both components, m/s^2."""
+        x, y = self.components
+        return math.sqrt(x.pga * y.pga)
+
+    @property
+    def digest(self) -> str:
+        """Hexadecimal SHA-256 checksum of both components."""
+        parts = [*(record.digest for record in self.components), *["larger"] * self.larger]
+        return hashlib.sha256(" ".join(parts).encode()).hexdigest()
+
+    def scaled(self, factor: float) -> PairRecord:
+        """Return a copy with both components multiplied by `factor`."""
+        x, y = (record.scaled(factor) for record in self.components)
+        return replace(PairRecord.of(x, y), larger=self.larger)
+
+
+def along_axes(pair: Horizontals, axis: float | None = None) -> PairRecord:
+    """Return the components of a recording along the axes x and y.
+
+    Components that state their azimuths are rotated: the motion along the axis with azimuth A is
+    the projection of the horizontal motion on this axis. Without azimuths, the first component of
+    the files acts along x, and the second along y, which a note states.
+
+    Parameters
+    ----------
+    axis : float | None
+        Azimuth of axis x, degrees clockwise from north; None for that of the first component.
+    """
+    first, second = (pair.first, pair.second)[:: -1 if pair.exchanged else 1]
+    first = replace(first, notes=(*first.notes, *pair.notes))
+    first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
+    if first_azimuth is None or second_azimuth is None:
+        names = " and ".join(record.name for record in (first, second))
+        effect = "" if axis is None else f"; the azimuth {axis:g} of axis x has no effect"
+        note = f"{names} state no azimuths: the first acts along x, the second along y{effect}"
+        return PairRecord.of(replace(first, notes=(*first.notes, note)), second)
+    angles, axis = (first_azimuth, second_azimuth), first_azimuth if axis is None else axis
+    # Angles of the components from x towards y. Without a rotation, the samples are unchanged.
+    turns = [(angle - axis) % 360.0 for angle in angles]
+    if turns == [0.0, 90.0]:
+        return PairRecord.of(first, second)
+    directions = [[math.cos(math.radians(turn)), math.sin(math.radians(turn))] for turn in turns]
+    # Each component is the projection of the motion on its direction, also if the directions are
+    # not exactly at right angles.
+    samples = np.linalg.solve(directions, [first.acceleration, second.acceleration])
+    note = (
+        f"rotated from the azimuths {angles[0]:g} and {angles[1]:g} to {axis % 360.0:g} (x) and "
+        f"{(axis + 90.0) % 360.0:g} (y)"
+    )
+    x, y = (
+        replace(
+            record,
+            acceleration=acceleration,
+            component=f"{round((axis + turn) % 360.0):03d}",
+            notes=(*record.notes, note),
+            peaks=(None, None),
+        )
+        for record, acceleration, turn in zip((first, second), samples, (0.0, 90.0), strict=True)
+    )
+    return PairRecord.of(x, y)

@@ -1,0 +1,81 @@
+"""Tables of a run in two directions: stories in both directions, and resultants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tdint.output.tables.responses import response_table
+from tdint.output.tables.table import TEXT, Cell, Column, Table, describe, error_columns, numbered
+from tdint.response.runs.outcome import Response
+from tdint.units import suffix
+
+DIRECTION = Column.named("direction", "x, y, or resultant of both directions", TEXT)
+
+_QUANTITIES = {
+    "drift": ("m", "drift of the story"),
+    "displacement": ("m", "displacement of the floor"),
+    "absolute_acceleration": ("m/s^2", "absolute acceleration of the floor"),
+    "shear": ("N", "restoring force of the story (story 1: base shear)"),
+}
+"""Unit and meaning of each quantity in `Response.resultants`."""
+
+_ATTRIBUTES = {
+    "value": ("resultant", "", "peak over time of the resultant of the {}"),
+    "time": ("time", "s", "time of the peak of the resultant of the {}"),
+    "direction": ("direction", "degree", "direction of the {} at this time, from x towards y"),
+    "x": ("x", "", "peak of the absolute {} in x"),
+    "y": ("y", "", "peak of the absolute {} in y"),
+    "srss": ("srss", "", "square root of the sum of the squares of both peaks of the {}"),
+    "rule_100_30": ("100_30", "", "100 % + 30 % of both peaks of the {}, the larger combination"),
+}
+"""Part of the name, unit (empty: that of the quantity) and meaning of each column of a quantity."""
+
+_COLUMNS = [
+    Column(
+        f"{quantity}_{name}{suffix(unit or own_unit)}",
+        unit or own_unit,
+        f"{quantity}.{attribute}",
+        meaning.format(text),
+    )
+    for quantity, (own_unit, text) in _QUANTITIES.items()
+    for attribute, (name, unit, meaning) in _ATTRIBUTES.items()
+]
+_RESULTANTS = [column for column in _COLUMNS if str(column.value).endswith(".value")]
+RESULTANT_COLUMNS = (
+    Column(
+        "story",
+        "1",
+        numbered("drift.value"),
+        "story (or the floor above), numbered from the ground",
+    ),
+    *_COLUMNS,
+)
+RESULTANT_ERROR = tuple(
+    column._replace(value=str(column.value).replace(".value", ".error"))
+    for column in error_columns(_RESULTANTS)
+)
+
+
+def direction_table(response: Response) -> Table:
+    """Return the table of the stories in both directions and of their resultants; the first column
+    is the direction."""
+    parts = {
+        **dict(zip(("x", "y"), response.directions, strict=True)),
+        "resultant": replace(response, directions=()),
+    }
+    tables = {name: response_table(part) for name, part in parts.items()}
+    # Flexural stories have further columns in the directions only.
+    width = len(tables["x"].columns)
+    rows: list[tuple[Cell, ...]] = [
+        (name, *row, *(None,) * (width - len(row)))
+        for name, table in tables.items()
+        for row in table.rows
+    ]
+    columns = (DIRECTION.name, *tables["x"].columns)
+    return Table(columns, rows, describe([DIRECTION]) | tables["x"].meanings)
+
+
+def resultant_table(response: Response) -> Table:
+    """Return the table of the resultants, one row per story, with errors if they were estimated."""
+    errors = response.resultants if response.check else None
+    return Table.joined((RESULTANT_COLUMNS, response.resultants), (RESULTANT_ERROR, errors))

@@ -1,0 +1,547 @@
+"""Run of a building in two directions: a run for each direction, and the resultants of both.
+
+Both runs have the same method, time step and end. The resultant of a quantity at a time is the
+length of the vector (x, y) in plan. Its peak is located between time steps: within a step,
+displacements and drifts are the quintics of `tdint.kernels.step_interpolant`, accelerations their
+deviations from a straight line, and the base shear changes by the deviation of the drift times the
+slope of the force over the drift near the step. The curve of a vector with polynomial components
+lies in the convex hull of its Bezier points, so that only steps with a Bezier point outside of the
+largest circle at the time steps are searched.
+
+The resultant is at least the larger of the peaks x and y of the separate runs, and at most their
+SRSS. Its estimated error is the SRSS of the errors of x and y. Each of them is the larger of the
+error of the peak and the error of the history at the time of the resultant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from operator import add
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdint.arrays import Array, each_array
+from tdint.errors import UsageError
+from tdint.ground_motion.axes import PairRecord, along_axes
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals, with_component
+from tdint.model.definition import Model
+from tdint.response.arguments import model_record, record_of
+from tdint.response.runs.case import Case
+from tdint.response.runs.history import History
+from tdint.response.runs.outcome import (
+    STORY_QUANTITIES,
+    ErrorEstimate,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+)
+from tdint.response.runs.settings import RunSettings
+from tdint.tabular import Described
+
+LIMITS_OF_METHOD = (
+    "the directions are uncoupled: torsion, biaxial yield surfaces, axial interaction and dampers "
+    "that act in both directions are not included"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Resultant(Described):
+    """Peaks over time of the resultant of a quantity, arrays over the stories or floors, SI units.
+
+    Attributes
+    ----------
+    value : ndarray
+        Peak of sqrt(x^2 + y^2).
+    time : ndarray
+        Time of the peak, s.
+    direction : ndarray
+        Direction at this time, degrees from x to y, from 0 to 360.
+    x, y : ndarray
+        Peaks of the absolute values in both directions.
+    error : ndarray
+        Estimated error of `value`; nan if it is unknown.
+    """
+
+    value: Array
+    time: Array
+    direction: Array
+    x: Array
+    y: Array
+    error: Array
+
+    @property
+    def srss(self) -> Array:
+        """Square root of the sum of the squares of x and y: an upper limit of `value`."""
+        return np.hypot(self.x, self.y)
+
+    @property
+    def rule_100_30(self) -> Array:
+        """Combination 100 % + 30 % of x and y, the larger of both (EN 1998-1, 4.3.3.5.1)."""
+        return np.maximum(self.x + 0.3 * self.y, 0.3 * self.x + self.y)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Resultants(Described):
+    """Resultants of each floor (displacement, absolute acceleration) and story (drift, shear).
+
+    The shear of the first story is the base shear.
+    """
+
+    displacement: Resultant
+    drift: Resultant
+    absolute_acceleration: Resultant
+    shear: Resultant
+
+    def _headline(self) -> str:
+        largest = int(np.argmax(self.drift.value))
+        value, direction = self.drift.value[largest], self.drift.direction[largest]
+        return f"largest drift {value:.4g} m in story {largest + 1}, {direction:.4g} degrees from x"
+
+
+# ---- Peak of a vector with polynomial components
+
+
+def quintics(u: Array, v: Array, a: Array, h: float) -> Array:
+    """Return the coefficients of the quintics through displacements, velocities and accelerations
+    at time steps.
+
+    Parameters
+    ----------
+    u, v, a : ndarray, shape (rows, n)
+        Values at the time steps.
+
+    Returns
+    -------
+    ndarray, shape (6, rows - 1, n)
+        Coefficients of s^0 to s^5, with s from 0 to 1 within each step.
+    """
+    slope, curvature = h * v, 0.5 * h * h * a
+    value = u[1:] - u[:-1] - slope[:-1] - curvature[:-1]
+    rise = slope[1:] - slope[:-1] - 2.0 * curvature[:-1]
+    bend = curvature[1:] - curvature[:-1]
+    return np.stack(
+        (
+            u[:-1],
+            slope[:-1],
+            curvature[:-1],
+            10.0 * value - 4.0 * rise + bend,
+            -15.0 * value + 7.0 * rise - 2.0 * bend,
+            6.0 * value - 3.0 * rise + bend,
+        )
+    )
+
+
+def lines(values: Array) -> Array:
+    """Return the coefficients of straight lines between values at time steps."""
+    return np.stack((values[:-1], values[1:] - values[:-1]))
+
+
+def _accelerations(history: History, displacements: Array, h: float) -> Array:
+    """Return the coefficients of the absolute accelerations of the floors within each step, from
+    those of the displacements.
+
+    In the notation of `tdint.kernels.step_interpolant`, the deviation from the straight line is
+    w s (1 - s) (B + D (1 - 2 s)).
+    """
+    tilt = 10.0 / h**2 * displacements[5]
+    bulge = -12.0 / h**2 * displacements[4] - 3.0 * tilt
+    unlimited = np.full_like(tilt, np.inf)
+    ratio = np.divide(np.abs(tilt), np.abs(bulge), out=unlimited, where=bulge != 0.0)
+    weight = np.clip(2.0 - ratio, 0.0, 1.0)
+    bulge, tilt = weight * bulge, weight * tilt
+    start, rise = lines(history.absolute_acceleration)
+    return np.stack((start, rise + bulge + tilt, -bulge - 3.0 * tilt, 2.0 * tilt))
+
+
+def _shears(history: History, drifts: Array) -> Array:
+    """Return the coefficients of the forces of the stories; `drifts` are those of the drifts."""
+    rise, change = np.diff(history.shear, axis=0), np.diff(history.drift, axis=0)
+    # The slope of the step with the largest change of the drift, among the step and its neighbors,
+    # has no cancellation at reversals. In a linear story it is the stiffness.
+    padded = np.pad(np.abs(change), ((1, 1), (0, 0)))
+    nearest = np.argmax(np.stack((padded[1:-1], padded[:-2], padded[2:])), axis=0)
+    offset = np.array([0, -1, 1])[nearest]
+    step = np.arange(len(change))[:, np.newaxis] + offset
+    story = np.arange(change.shape[1])
+    slope = np.divide(
+        rise[step, story],
+        change[step, story],
+        out=np.zeros_like(rise),
+        where=change[step, story] != 0.0,
+    )
+    deviation = drifts.copy()
+    deviation[0] = history.shear[:-1]
+    deviation[1] = rise + slope * (drifts[1] - change)
+    deviation[2:] *= slope
+    return deviation
+
+
+def peak_of_vector(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the peaks of the length of vectors with polynomial components.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (terms, steps, n)
+        Coefficients of the components within each step, as of `quintics`.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n,)
+        Length at the peak, its time in steps, and both components.
+    """
+    terms = len(x)
+    # Row i of the matrix is the Bezier point i as a combination of the coefficients.
+    bezier = np.array(
+        [[math.comb(i, k) / math.comb(terms - 1, k) for k in range(terms)] for i in range(terms)]
+    )
+    peaks = []
+    for x_terms, y_terms in zip(np.moveaxis(x, 2, 0), np.moveaxis(y, 2, 0), strict=True):
+        points = np.hypot(bezier @ x_terms, bezier @ y_terms)
+        # The first and the last Bezier points are the values at the time steps.
+        step = int(np.argmax(points[-1]))
+        best = points[-1, step], step + 1.0, x_terms[:, step].sum(), y_terms[:, step].sum()
+        if points[0, 0] > best[0]:
+            best = points[0, 0], 0.0, x_terms[0, 0], y_terms[0, 0]
+        bounds = points.max(axis=0)
+        for step in np.flatnonzero(bounds > best[0]).tolist():
+            if bounds[step] > best[0]:
+                best = max(best, _peak_in_step(x_terms[:, step], y_terms[:, step], step))
+        peaks.append(best)
+    length, time, x_peak, y_peak = np.array(peaks, dtype=np.float64).T
+    return length, time, x_peak, y_peak
+
+
+def _peak_in_step(x: Array, y: Array, step: int) -> tuple[float, float, float, float]:
+    """Return the peak within a step as length, time in steps, and both components."""
+    from numpy.polynomial import polynomial
+
+    # Half the derivative of the squared length
+    rate = polynomial.polyadd(
+        *(polynomial.polymul(values, polynomial.polyder(values)) for values in (x, y))
+    )
+    roots = polynomial.polyroots(np.trim_zeros(rate, "b")) if rate.any() else np.empty(0)
+    s = np.clip(roots.real, 0.0, 1.0)
+    s = s if s.size else np.zeros(1)
+    components = polynomial.polyval(s, np.column_stack((x, y)))
+    lengths = np.hypot(*components)
+    best = int(np.argmax(lengths))
+    return lengths[best], step + s[best], components[0, best], components[1, best]
+
+
+# ---- Resultants of two runs
+
+_OF_HISTORY = {
+    "displacement": "peak_displacement",
+    "drift": "peak_drift",
+    "absolute_acceleration": "peak_absolute_acceleration",
+    "shear": "peak_shear",
+}
+"""Quantities with a resultant between time steps, and the names of their peaks."""
+
+
+def _polynomials(history: History, h: float) -> dict[str, Array]:
+    """Return the coefficients of the quantities in `_OF_HISTORY` within each step."""
+    relative = history.absolute_acceleration - history.ground_acceleration[:, np.newaxis]
+    displacements = quintics(history.displacement, history.velocity, relative, h)
+    drifts = np.diff(displacements, axis=2, prepend=0.0)
+    return {
+        "displacement": displacements,
+        "drift": drifts,
+        "absolute_acceleration": _accelerations(history, displacements, h),
+        "shear": _shears(history, drifts),
+    }
+
+
+def resultants_of(responses: Sequence[Response], rows: int) -> Resultants:
+    """Return the resultants of the quantities in `_OF_HISTORY` up to a row of the histories.
+
+    Parameters
+    ----------
+    responses : sequence of Response
+        Runs along x and y with equal time steps and histories.
+    rows : int
+        Number of rows of the histories. The peaks in x and y are those of the runs, unless the
+        resultants end before a run.
+    """
+    h = responses[0].dt
+    histories = [each_array(lambda array: array[:rows], _history(run)) for run in responses]
+    polynomials = [_polynomials(history, h) for history in histories]
+    result = {}
+    for name, peak_name in _OF_HISTORY.items():
+        along, across = (terms[name] for terms in polynomials)
+        length, steps, x, y = peak_of_vector(along, across)
+        peaks = [
+            getattr(run.stories, peak_name)
+            if rows == len(_history(run).time)
+            else peak_of_vector(terms[name], np.zeros_like(terms[name]))[0]
+            for run, terms in zip(responses, polynomials, strict=True)
+        ]
+        row = np.rint(steps).astype(np.int64)
+        errors = [_error(run, name, peak_name, row) for run in responses]
+        result[name] = Resultant(
+            np.clip(length, np.maximum(*peaks), np.hypot(*peaks)),
+            h * steps,
+            np.degrees(np.arctan2(y, x)) % 360.0,
+            x=peaks[0],
+            y=peaks[1],
+            error=np.hypot(*errors),
+        )
+    return Resultants(**result)
+
+
+def histories_of(response: Response) -> list[History]:
+    """Return the kept histories along x and y, up to the end of the combined run."""
+    rows = response.steps + 1
+    return [each_array(lambda array: array[:rows], _history(run)) for run in response.directions]
+
+
+def _history(response: Response) -> History:
+    """Return the kept history of a run."""
+    assert response.history is not None
+    return response.history
+
+
+def _error(response: Response, name: str, peak_name: str, row: Any) -> Array:
+    """Return the estimated errors of a quantity in one direction near the rows of the histories."""
+    peaks = getattr(response.stories, peak_name)
+    if response.check is None:
+        return np.full_like(peaks, np.nan)
+    errors = np.asarray(getattr(response.check.errors, peak_name))
+    of_history = getattr(_history(response).error, name, None)
+    if of_history is not None:
+        errors = np.maximum(errors, np.abs(of_history[row, np.arange(len(errors))]))
+    return errors
+
+
+def _combined(
+    x: Any, y: Any, resultants: Mapping[str, Array], heights: Array, larger: bool
+) -> dict[str, Array]:
+    """Return peaks, or errors of peaks, of both directions by the names of the quantities.
+
+    `resultants` has the values of the quantities with a resultant. Ductilities and damper forces
+    are the larger of both directions, and the other quantities the SRSS of both. With `larger`, all
+    values are the larger of both directions.
+    """
+    values = {}
+    for name in (quantity.name for quantity in STORY_QUANTITIES):
+        pair = np.abs(getattr(x, name)), np.abs(getattr(y, name))
+        is_larger = larger or name in ("ductility", "peak_damper_force")
+        values[name] = np.fmax(*pair) if is_larger else np.hypot(*pair)
+    if not larger:
+        values |= resultants
+        values["peak_drift_ratio"] = values["peak_drift"] / heights
+    return values
+
+
+def combined(responses: Sequence[Response], record: PairRecord | None) -> Response:
+    """Return the response of a building from its runs along x and y, which have kept histories.
+
+    Its peaks are resultants: velocities and total shears at the time steps, residual drifts at the
+    end, and the other quantities as in `Resultant`. Ductilities and damper forces are the larger of
+    both directions. Energies are sums.
+    """
+    x, y = responses
+    # The resultants end at a collapse, and the run has the status of the first collapse.
+    collapses = [run.collapse for run in responses if run.collapse]
+    collapse = min(collapses, key=lambda item: item.time, default=None)
+    rows = min(len(_history(run).time) for run in responses)
+    if collapse is not None:
+        rows = min(rows, round(collapse.time / x.dt) + 1)
+    resultants = resultants_of(responses, rows)
+    heights = x.stories.height
+    values = {peak: getattr(resultants, name).value for name, peak in _OF_HISTORY.items()}
+    for name, of_history in (("peak_velocity", "velocity"), ("peak_total_shear", "total_shear")):
+        x_values, y_values = (getattr(_history(run), of_history)[:rows] for run in responses)
+        values[name] = np.hypot(x_values, y_values).max(axis=0)
+        if rows == len(_history(x).time):
+            larger = np.maximum(*(getattr(run.stories, name) for run in responses))
+            values[name] = np.maximum(values[name], larger)
+    if collapse is not None:
+        drifts = [_history(run).drift[rows - 1] for run in responses]
+        values["residual_drift"] = np.hypot(*drifts)
+    larger = record is not None and record.larger
+    values = _combined(x.stories, y.stories, values, heights, larger)
+    stories = StoryPeaks(**values, height=heights)
+    check = None
+    if x.check and y.check:
+        errors = {peak: getattr(resultants, name).error for name, peak in _OF_HISTORY.items()}
+        errors = _combined(x.check.errors, y.check.errors, errors, heights, larger)
+        check = ErrorEstimate.of(
+            stories,
+            StoryErrors(**errors),
+            time_steps=x.check.time_steps or y.check.time_steps,
+            method=x.check.method,
+        )
+    return replace(
+        x,
+        record=record,
+        status=collapse.status if collapse else "done",
+        steps=rows - 1,
+        **{
+            name: getattr(x, name) + getattr(y, name)
+            for name in ("iterations", "substeps", "branch_changes", "solver_time")
+        },
+        stories=stories,
+        energy=type(x.energy)(
+            **{
+                field.name: add(*(getattr(run.energy, field.name) for run in responses))
+                for field in fields(x.energy)
+            }
+        ),
+        history=None,
+        history_chunks=None,
+        notes=_texts(x.notes, y.notes),
+        warnings=_texts(x.warnings, y.warnings),
+        interstep_bound=each_array(np.hypot, x.interstep_bound, y.interstep_bound),
+        residual_oscillation=np.hypot(x.residual_oscillation, y.residual_oscillation),
+        collapse=collapse,
+        check=check,
+        growth=max(x.growth, y.growth),
+        devices=None,
+        elements=None,
+        flexure=None,
+        directions=(x, y),
+        resultants=resultants,
+    )
+
+
+def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
+    """Return texts on both directions: common texts one time, others with their direction."""
+    common = [text for text in x if text in y]
+    return (
+        *common,
+        *(f"x: {text}" for text in x if text not in common),
+        *(f"y: {text}" for text in y if text not in common),
+    )
+
+
+# ---- Cases and runs
+
+
+def pair_of(model: Model, motion: Any) -> PairRecord | None:
+    """Return the ground motion of a model along its axes: that of its file if `motion` is None.
+
+    Raises
+    ------
+    RecordError
+        The motion has a single component, or its components are not a pair.
+    UsageError
+        The factors of the components in the file differ.
+    """
+    if isinstance(motion, PairRecord):
+        return motion
+    if motion is not None:
+        return along_axes(_read_horizontals(motion), model.axis_azimuth)
+    x, y = (part.excitation.record for part in model.directions)
+    if x is None:
+        return None
+    if y is not None:
+        if x.scale != y.scale:
+            raise UsageError(
+                f"{model.name}: the components of a ground motion need the same factor, got scale "
+                f"{x.scale:g} for x and {y.scale:g} for y; scale the samples of one file instead"
+            )
+        records = [model_record(part) for part in model.directions]
+        return PairRecord.of(*(record for record in records if record is not None))
+    return pair_of_files(model, [x.file], x.choice).scaled(x.scale)
+
+
+def pair_of_files(model: Model, files: Sequence[str], choice: RecordChoice) -> PairRecord:
+    """Return the ground motion in one or two files along the axes of a model.
+
+    Raises
+    ------
+    RecordError
+        The files do not contain the two horizontal components of one ground motion.
+    """
+    # Imported here, because other runs do not read several components.
+    from tdint.ground_motion.reading.suites import read_chosen
+
+    records = [record for file in files for record in read_chosen(file, choice)]
+    named = [with_component(record, in_degrees=True) for record in records]
+    return along_axes(find_horizontals(named), model.axis_azimuth)
+
+
+def _read_horizontals(motion: Any) -> Horizontals:
+    """Return the pair of components of an argument of Python: a pair, or one or two files or
+    records."""
+    if isinstance(motion, Horizontals):
+        return motion
+    items = motion if isinstance(motion, tuple | list) else (motion,)
+    if all(isinstance(item, str | Path) for item in items):
+        from tdint.ground_motion.reading.read import read_horizontals
+
+        return read_horizontals(*items)
+    return find_horizontals([with_component(record_of(item), in_degrees=True) for item in items])
+
+
+def integrate_directions(
+    case: Case,
+    settings: RunSettings,
+    *,
+    tolerance: float | None = None,
+    keep: bool = True,
+) -> Response:
+    """Integrate a case in both directions and return the combined response (`combined`).
+
+    With a tolerance, both directions have the smaller of their time steps. A run that ends before
+    the other run is repeated up to the same end, unless one of them has collapsed. The histories of
+    the directions are kept if `keep`.
+
+    Raises
+    ------
+    FailedRun
+        A direction failed.
+    """
+    from tdint.response.runs.run import integrate_case
+
+    assert case.across is not None
+    cases = [replace(case, across=None), case.across]
+    _check_durations(case, settings)
+    run = partial(integrate_case, history=True, history_errors=settings.check)
+    responses = [run(part, settings, tolerance=tolerance) for part in cases]
+    note: tuple[str, ...] = ()
+    if responses[0].dt != responses[1].dt:
+        h = min(response.dt for response in responses)
+        note = (f"both directions have the time step {h:.6g} s, the smaller of their steps",)
+        settings = replace(settings, dt=h)
+        responses = [
+            response if response.dt == h else run(part, settings)
+            for part, response in zip(cases, responses, strict=True)
+        ]
+    steps = max(response.steps for response in responses)
+    if not any(response.collapse for response in responses):
+        end = replace(settings, duration=steps * responses[0].dt, until_rest=False)
+        end = replace(end, dt=responses[0].dt)
+        responses = [
+            response if response.steps == steps else run(part, end)
+            for part, response in zip(cases, responses, strict=True)
+        ]
+    record = case.record if isinstance(case.record, PairRecord) else None
+    response = combined(responses, record)
+    if not keep:
+        without = [replace(part, history=None, history_chunks=None) for part in responses]
+        response = replace(response, directions=tuple(without))
+    return replace(response, notes=(*response.notes, *note, LIMITS_OF_METHOD))
+
+
+def _check_durations(case: Case, settings: RunSettings) -> None:
+    """Raise UsageError if the components have different durations, and the run does not end before
+    both."""
+    record = case.record
+    if not isinstance(record, PairRecord):
+        return
+    durations = [component.duration for component in record.components]
+    end = settings.duration or case.model.analysis.duration or math.inf
+    if abs(durations[0] - durations[1]) > 0.5 * record.dt and end > min(durations):
+        raise UsageError(
+            f"{record.source}: the components of x and y last {durations[0]:.6g} and "
+            f"{durations[1]:.6g} s; trim or pad them to the same duration, or end the run before "
+            "both with a duration"
+        )

@@ -1,0 +1,262 @@
+"""Runs in two directions: resultants, rotation of components, ends and refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import tdint
+from el_centro import el_centro
+from tdint.errors import ModelError, RecordError, UsageError
+from tdint.ground_motion.axes import PairRecord, along_axes
+from tdint.ground_motion.horizontals import find_horizontals
+from tdint.response.runs.two_directions import lines, peak_of_vector
+
+RNG = np.random.default_rng(20261129)
+TIME = 0.02 * np.arange(500)
+
+
+def _record(samples, component="", **more):
+    record = tdint.make_record(samples, dt=0.02, units="m/s^2")
+    return replace(record, component=component, **more)
+
+
+def _motion(seed):
+    """Return samples of a smooth motion with several frequencies, m/s^2."""
+    random = np.random.default_rng(seed)
+    phases = random.uniform(0.0, 2.0 * np.pi, 6)
+    envelope = np.sin(np.pi * TIME / TIME[-1])
+    return envelope * sum(
+        np.sin(2.0 * np.pi * f * TIME + phase) for f, phase in zip(range(1, 7), phases, strict=True)
+    )
+
+
+X, Y = _record(_motion(1), "000"), _record(_motion(2), "090")
+LINEAR = {
+    "stories": [
+        {"mass": 2e5, "height": 3.5, "x": {"stiffness": 1.2e8}, "y": {"stiffness": 7e7}},
+        {"mass": 1.5e5, "height": 3.0, "x": {"stiffness": 9e7}, "y": {"stiffness": 6e7}},
+    ],
+    "damping": "5%",
+}
+EQUAL = {
+    "stories": [{"mass": 2e5, "height": 3.5, "stiffness": 1.2e8, "repeat": 2}],
+    "damping": "5%",
+}
+
+
+def _yielding(stiffness, force):
+    law = {"type": "bilinear", "yield_force": force, "hardening": "5%"}
+    return {"stiffness": stiffness, "law": law}
+
+
+REFERENCE = {
+    "stories": [
+        {"mass": 2e5, "x": _yielding(1.2e8, 5e5), "y": _yielding(8e7, 3.5e5)},
+        {"mass": 2e5, "x": _yielding(1e8, 4e5), "y": _yielding(7e7, 3e5)},
+        {"mass": 1.5e5, "x": _yielding(8e7, 2.5e5), "y": _yielding(5e7, 1.8e5)},
+    ],
+    "damping": {"rayleigh": {"ratio": "5%", "modes": [1, 2]}},
+    "analysis": {"duration": 15},
+}
+
+
+def test_resultant_of_two_histories():
+    # Entry B1 of the reference values: program A and program B agree within 2e-16.
+    x, y = [0.2, 1.0, -0.4, -1.1, 0.3], [-0.5, 0.8, 0.9, 0.2, -0.7]
+    components = (lines(np.array(values)[:, np.newaxis]) for values in (x, y))
+    (length,), (time,), (x_peak,), (y_peak,) = peak_of_vector(*components)
+    assert length == pytest.approx(1.280624847, rel=1e-9)
+    assert np.degrees(np.arctan2(y_peak, x_peak)) == pytest.approx(38.65980825, rel=1e-9)
+    assert time == 1.0
+
+
+def test_peak_of_a_vector_with_polynomial_components():
+    terms = RNG.normal(size=(2, 6, 40, 3))
+    length, time, x, y = peak_of_vector(*terms)
+    s = np.linspace(0.0, 1.0, 20_001)
+    powers = s[:, np.newaxis] ** np.arange(6)
+    sampled = np.hypot(*(np.einsum("pk,kij->pij", powers, values) for values in terms))
+    assert_allclose(length, sampled.max(axis=(0, 1)), rtol=1e-8)
+    assert (length >= sampled.max(axis=(0, 1)) * (1.0 - 1e-15)).all()
+    step = np.maximum(np.ceil(time).astype(int) - 1, 0)
+    at_time = (time - step)[:, np.newaxis] ** np.arange(6)
+    values = [np.einsum("ik,ki->i", at_time, part[:, step, [0, 1, 2]]) for part in terms]
+    assert_allclose(values, (x, y), atol=1e-9)
+
+
+def test_bilinear_building_agrees_with_a_second_solver():
+    # Event-driven matrix exponential, confirmed by leapfrog with return mapping within 2e-8.
+    x = el_centro()
+    delay = round(0.4 / x.dt)
+    samples = np.zeros_like(x.acceleration)
+    samples[delay:] = -0.7 * x.acceleration[:-delay]
+    y = tdint.make_record(samples, dt=x.dt, units="m/s^2")
+    result = tdint.run(REFERENCE, PairRecord.of(x, y), dt=x.dt / 4)
+    drift = result.resultants.drift
+    assert_allclose(drift.value, [0.02881306, 0.01548767, 0.01212229], rtol=5e-6)
+    assert_allclose(drift.x, [0.02881136, 0.01472212, 0.00757749], rtol=5e-6)
+    assert_allclose(drift.y, [0.02498324, 0.01297994, 0.01209508], rtol=5e-6)
+    coarse = tdint.run(REFERENCE, PairRecord.of(x, y), method="newmark-average").resultants.drift
+    assert (np.abs(coarse.value - drift.value) <= coarse.error).all()
+
+
+@pytest.fixture(scope="module")
+def linear():
+    return tdint.run(LINEAR, (X, Y), method="exact", history=True)
+
+
+def test_linear_building_agrees_with_exact_histories(linear):
+    # The histories of separate runs with a step so fine that the peak between steps is negligible.
+    histories = []
+    for direction, record in (("x", X), ("y", Y)):
+        stories = [{**story, **story[direction]} for story in LINEAR["stories"]]
+        for story in stories:
+            del story["x"], story["y"]
+        model = {**LINEAR, "stories": stories}
+        run = tdint.run(model, record, method="exact", dt=0.02 / 64, history=True, check=False)
+        histories.append(run.history)
+    fine = tdint.run(LINEAR, (X, Y), method="exact", dt=0.02 / 16)
+    finer = tdint.run(LINEAR, (X, Y), method="exact", dt=0.02 / 64)
+    for name in ("displacement", "drift", "absolute_acceleration", "shear"):
+        x, y = (getattr(history, name) for history in histories)
+        length = np.hypot(x, y)
+        row = length.argmax(axis=0)
+        resultant = getattr(fine.resultants, name)
+        assert_allclose(resultant.value, length.max(axis=0), rtol=1e-5)
+        assert_allclose(resultant.time, histories[0].time[row], atol=0.02 / 64)
+        # Within the histories of the same time steps, without the location between steps
+        same = [getattr(part.history, name) for part in fine.directions]
+        at_steps = np.hypot(*same).max(axis=0)
+        assert (resultant.value >= at_steps).all()
+        assert_allclose(resultant.value, at_steps, rtol=1e-4)
+        located = getattr(finer.resultants, name).value
+        assert_allclose(
+            resultant.value, located, rtol=1e-9 if name != "absolute_acceleration" else 1e-7
+        )
+        column = np.arange(2)
+        angle = np.degrees(np.arctan2(y[row, column], x[row, column])) % 360.0
+        assert_allclose(resultant.direction, angle, atol=0.5)
+    # With the sampling interval as time step, the quintics within the steps are nearly as accurate.
+    drift = np.hypot(*(history.drift for history in histories)).max(axis=0)
+    assert_allclose(linear.resultants.drift.value, drift, rtol=1e-5)
+
+
+def test_resultants_are_between_the_larger_peak_and_the_srss(linear):
+    for resultant in vars(linear.resultants).values():
+        assert (resultant.value >= np.maximum(resultant.x, resultant.y)).all()
+        assert (resultant.value <= resultant.srss).all()
+        expected = np.maximum(resultant.x + 0.3 * resultant.y, 0.3 * resultant.x + resultant.y)
+        assert_allclose(resultant.rule_100_30, expected)
+
+
+def test_each_direction_is_the_run_of_a_model_with_one_direction(linear):
+    for direction, record, part in zip("xy", (X, Y), linear.directions, strict=True):
+        stories = [
+            {"mass": story["mass"], "height": story["height"], **story[direction]}
+            for story in LINEAR["stories"]
+        ]
+        alone = tdint.run(
+            {**LINEAR, "stories": stories},
+            record,
+            method="exact",
+            duration=linear.steps * linear.dt,
+        )
+        for name, values in vars(alone.stories).items():
+            assert_allclose(getattr(part.stories, name), values, rtol=0.0, err_msg=name)
+
+
+@pytest.mark.parametrize("axis", [0.0, 30.0, 117.0, 270.0])
+def test_a_rotated_pair_has_the_same_resultants(axis):
+    pair = find_horizontals([X, Y])
+    model = {**EQUAL, "excitation": {"azimuth": axis}}
+    result = tdint.run(model, pair, method="exact")
+    straight = tdint.run({**EQUAL, "excitation": {"azimuth": 0.0}}, pair, method="exact")
+    for name, resultant in vars(straight.resultants).items():
+        rotated = getattr(result.resultants, name)
+        assert_allclose(rotated.value, resultant.value, rtol=1e-6)
+        turned = (rotated.direction + axis - resultant.direction + 180.0) % 360.0 - 180.0
+        assert_allclose(turned, 0.0, atol=1e-3)
+
+
+def test_rotation_of_components():
+    # A motion of 1 m/s^2 towards the azimuth 30, in components of 120 and 210
+    shape = _motion(3)
+    towards = [np.cos(np.radians(a - 30.0)) for a in (120.0, 210.0)]
+    pair = find_horizontals(
+        [
+            _record(c * shape + 1e-9 * i * TIME, n)
+            for i, (c, n) in enumerate(zip(towards, ("120", "210"), strict=True))
+        ]
+    )
+    motion = along_axes(pair, 30.0)
+    x, y = motion.components
+    assert_allclose(x.acceleration, shape, atol=1e-7)
+    assert_allclose(y.acceleration, 0.0, atol=1e-7)
+    # Without an azimuth, the first component of the files is x, and y is clockwise from it.
+    backwards = along_axes(find_horizontals([Y, X]))
+    assert_allclose(backwards.components[0].acceleration, Y.acceleration, atol=1e-15)
+    assert_allclose(backwards.components[1].acceleration, -X.acceleration, atol=1e-15)
+    unknown = along_axes(find_horizontals([replace(X, component="A"), replace(Y, component="B")]))
+    assert unknown.components[0].acceleration is not None
+    assert any("the first acts along x" in note for note in unknown.notes)
+    assert unknown.scaled(2.0).components[1].pga == 2.0 * Y.pga
+
+
+def test_both_directions_end_at_the_same_time():
+    soft = {"mass": 2e5, "height": 3.5, "x": {"stiffness": 1.2e8}, "y": {"stiffness": 6e5}}
+    rising = _record(0.2 * TIME, "000"), _record(0.1 * TIME, "090")
+    result = tdint.run({"stories": [soft], "damping": "2%"}, rising)
+    x, y = result.directions
+    assert x.steps == y.steps == result.steps > len(TIME)
+    # With a tolerance, both directions have the smaller time step.
+    result = tdint.run(LINEAR, (X, Y), tolerance=1e-5)
+    assert len({part.dt for part in result.directions}) == 1
+
+
+def test_collapse_of_a_direction_ends_the_resultants():
+    brittle = {
+        "mass": 2e5,
+        "height": 3.5,
+        "x": {"stiffness": 1.2e8},
+        "y": _yielding(4e7, 3e4)
+        | {"law": {"type": "bilinear", "yield_force": 3e4, "hardening": 0}},
+    }
+    model = {"stories": [brittle], "damping": "5%", "p_delta": True, "collapse_drift": 0.01}
+    result = tdint.run(model, (X, Y))
+    assert result.status == "collapsed"
+    assert result.directions[0].status == "done"
+    assert result.steps == round(result.collapse.time / result.dt)
+    assert result.resultants.drift.time[0] <= result.collapse.time
+    assert 0.035 < result.resultants.drift.value[0] < 0.045
+
+
+@pytest.mark.parametrize(
+    ("y", "message"),
+    [
+        (tdint.make_record(_motion(2)[::2], dt=0.04, units="m/s^2"), "different sampling"),
+        (_record(_motion(2), start="2026-01-01T00:00:01"), "start at different times"),
+    ],
+)
+def test_unequal_components_are_refused(y, message):
+    with pytest.raises(RecordError, match=message):
+        PairRecord.of(_record(_motion(1), start="2026-01-01T00:00:00"), y)
+
+
+def test_components_of_different_durations_need_an_earlier_end():
+    pair = PairRecord.of(X, _record(_motion(2)[:400]))
+    with pytest.raises(UsageError, match=r"last 9.98 and 7.98 s; trim or pad"):
+        tdint.run(LINEAR, pair)
+    assert tdint.run(LINEAR, pair, duration=7.0).steps == 350
+
+
+def test_a_model_with_two_directions_needs_two_components():
+    with pytest.raises(RecordError, match="only one horizontal component"):
+        tdint.run(LINEAR, X)
+
+
+def test_other_analyses_refuse_two_directions():
+    for analysis in (tdint.modes, lambda model: tdint.pushover(model, "1%")):
+        with pytest.raises(ModelError, match="the model has two directions"):
+            analysis(LINEAR)
