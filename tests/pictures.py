@@ -51,6 +51,9 @@ PICTURES = {
     "kaikoura-frame.png": Picture(
         "tdint run configs/kaikoura-frame.yaml --plot={file}", "output/figures/runs"
     ),
+    "two-directions.png": Picture(
+        "tdint run configs/two-directions.yaml --plot={file}", "output/figures/directions"
+    ),
     "three-story-concrete-loops.png": Picture(
         "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 "
         "--plot={file}",

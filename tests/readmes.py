@@ -33,6 +33,7 @@ from tdint.model.story_laws import LAWS
 from tdint.output.tables import (
     buildings,
     devices,
+    directions,
     elements,
     histories,
     matrices,
@@ -242,6 +243,12 @@ def columns():
     """Return the columns of every table, by command."""
     return {
         "tdint run": (*responses.STORY_COLUMNS, responses.ENERGY),
+        "tdint run": responses.STORY_COLUMNS,
+        "stories.csv of tdint run, two directions": (directions.DIRECTION,),
+        "resultants.csv of tdint run": (
+            *directions.RESULTANT_COLUMNS,
+            *directions.RESULTANT_ERROR,
+        ),
         "elements.csv of tdint run": (*elements.ELEMENT_COLUMNS, *elements.ELEMENT_ERROR),
         **{
             f"{kind}.csv of tdint run": (*shown, *errors)
