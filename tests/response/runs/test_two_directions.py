@@ -257,6 +257,13 @@ def test_a_model_with_two_directions_needs_two_components():
 
 
 def test_other_analyses_refuse_two_directions():
+    for call in (
+        lambda: tdint.Stepper(LINEAR, dt=0.01),
+        lambda: tdint.run(LINEAR, (X, Y), gradient="damping"),
+        lambda: tdint.load_model(LINEAR).replace(damping=0.02),
+    ):
+        with pytest.raises(UsageError, match="one direction|two directions"):
+            call()
     for analysis in (tdint.modes, lambda model: tdint.pushover(model, "1%")):
         with pytest.raises(ModelError, match="the model has two directions"):
             analysis(LINEAR)

@@ -199,6 +199,8 @@ def run(
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     if initial and names:
         raise UsageError("gradient cannot be used with initial; omit one of them")
+    if names and case.across is not None:
+        raise UsageError("gradient requires a model with one direction; omit it")
     response = run_case(
         case,
         dt=cast("float | None", dt),
@@ -258,7 +260,9 @@ def prepare(
         pair = pair_of(model, record)
         components = pair.components if pair else (None, None)
         x, y = (
-            Case(part, PreparedBuilding.of(part), ground, integrator, allow_unstable, tuple(remarks))
+            Case(
+                part, PreparedBuilding.of(part), ground, integrator, allow_unstable, tuple(remarks)
+            )
             for part, ground in zip(model.directions, components, strict=True)
         )
         return replace(x, record=pair, across=y)

@@ -58,6 +58,8 @@ class Stepper(Described):
 
     def __init__(self, model: AnyModel, method: str | None = None, dt: float | None = None) -> None:
         case = prepare(model, method=method).under(None)
+        if case.across is not None:
+            raise UsageError("Stepper: the model has two directions; use a model for each of them")
         h = number_of(case.model.analysis.dt if dt is None else dt, "dt")
         if h is None:
             raise UsageError("Stepper: dt is missing; specify the time step in s")

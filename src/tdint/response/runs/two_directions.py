@@ -39,7 +39,6 @@ from tdint.response.runs.outcome import (
     ErrorEstimate,
     Response,
     StoryErrors,
-    StoryPeaks,
 )
 from tdint.response.runs.settings import RunSettings
 from tdint.tabular import Described
@@ -367,7 +366,7 @@ def combined(responses: Sequence[Response], record: PairRecord | None) -> Respon
         values["residual_drift"] = np.hypot(*drifts)
     larger = record is not None and record.larger
     values = _combined(x.stories, y.stories, values, heights, larger)
-    stories = StoryPeaks(**values, height=heights)
+    stories = replace(x.stories, **values)
     check = None
     if x.check and y.check:
         errors = {peak: getattr(resultants, name).error for name, peak in _OF_HISTORY.items()}
