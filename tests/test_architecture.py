@@ -81,7 +81,7 @@ def test_columns_are_declared_in_table_modules():
     }
     other = {path for path in makers if not path.endswith("_tables.py")}
     names = ["buildings", "devices", "responses", "runs", "spectra", "methods", "loads"]
-    names += ["transfer", "table", "matrices", "elements", "histories"]
+    names += ["transfer", "table", "matrices", "elements", "histories", "directions"]
     assert other == {f"src/tdint/output/tables/{name}.py" for name in names} | {
         "src/tdint/studies/campaign/exports.py",
     }

@@ -104,6 +104,13 @@ def test_an_error_in_a_common_value_is_reported_one_time():
             {"stories": [STORY], "excitation": {"x": {}, "y": {"record": "a"}}},
             "the ground motion is missing",
         ),
+        (
+            {
+                "stories": [STORY],
+                "excitation": {"azimuth": 3, "x": {"record": "a"}, "y": {"record": "b"}},
+            },
+            "act along the axes",
+        ),
     ],
 )
 def test_what_two_directions_refuse(content, message):

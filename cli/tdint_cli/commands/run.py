@@ -276,13 +276,11 @@ def _check_directions(request: Request, model: Model) -> None:
 
 def _record(request: Request, model: Model) -> Record | None:
     """Return the ground motion of a single run: of the command line, or of the model."""
-    from tdint.response.arguments import model_record
+    from tdint.response.arguments import model_record, pair_of_files
 
     files = request.records or ((request.record,) if request.record else ())
     if model.across is None or not files:
         return model_record(model)
-    from tdint.response.runs.two_directions import pair_of_files
-
     factor = request.scale[0] if request.scale else 1.0
     return pair_of_files(model, files, request.choice).scaled(factor)
 

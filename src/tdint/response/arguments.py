@@ -19,6 +19,8 @@ from tdint.tabular import ResultList
 from tdint.units import DriftSize, parse_drift
 
 if TYPE_CHECKING:
+    from tdint.ground_motion.axes import PairRecord
+    from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.horizontals import Horizontals
     from tdint.model.definition import Model
 
@@ -100,8 +102,6 @@ def model_record(model: Model) -> Record | None:
         Its units or processing steps are invalid.
     """
     if model.across is not None:
-        from tdint.response.runs.two_directions import pair_of
-
         return pair_of(model, None)
     source = model.excitation.record
     if source is None:
@@ -120,6 +120,70 @@ def model_record(model: Model) -> Record | None:
 
         record = processed(record, source.choice.processing)
     return record.scaled(source.scale) if source.scale != 1.0 else record
+
+
+def pair_of(model: Model, motion: Any) -> PairRecord | None:
+    """Return the ground motion of a model along its axes: that of its file if `motion` is None.
+
+    Raises
+    ------
+    RecordError
+        The motion has a single component, or its components are not a pair.
+    UsageError
+        The factors of the components in the file differ.
+    """
+    # Imported here, because most models have one direction.
+    from tdint.ground_motion.axes import PairRecord, along_axes
+
+    if isinstance(motion, PairRecord):
+        return motion
+    if motion is not None:
+        return along_axes(_read_horizontals(motion), model.axis_azimuth)
+    x, y = (part.excitation.record for part in model.directions)
+    if x is None:
+        return None
+    if y is not None:
+        if x.scale != y.scale:
+            raise UsageError(
+                f"{model.name}: the components of a ground motion need the same factor, got scale "
+                f"{x.scale:g} for x and {y.scale:g} for y; scale the samples of one file instead"
+            )
+        records = [model_record(part) for part in model.directions]
+        return PairRecord.of(*(record for record in records if record is not None))
+    return pair_of_files(model, [x.file], x.choice).scaled(x.scale)
+
+
+def pair_of_files(model: Model, files: Sequence[str], choice: RecordChoice) -> PairRecord:
+    """Return the ground motion in one or two files along the axes of a model.
+
+    Raises
+    ------
+    RecordError
+        The files do not contain the two horizontal components of one ground motion.
+    """
+    # Imported here, because other runs do not read several components.
+    from tdint.ground_motion.axes import along_axes
+    from tdint.ground_motion.horizontals import find_horizontals, with_component
+    from tdint.ground_motion.reading.suites import read_chosen
+
+    records = [record for file in files for record in read_chosen(file, choice)]
+    named = [with_component(record, in_degrees=True) for record in records]
+    return along_axes(find_horizontals(named), model.axis_azimuth)
+
+
+def _read_horizontals(motion: Any) -> Horizontals:
+    """Return the pair of components of an argument of Python: a pair, or one or two files or
+    records."""
+    from tdint.ground_motion.horizontals import Horizontals, find_horizontals, with_component
+
+    if isinstance(motion, Horizontals):
+        return motion
+    items = motion if isinstance(motion, tuple | list) else (motion,)
+    if all(isinstance(item, str | Path) for item in items):
+        from tdint.ground_motion.reading.read import read_horizontals
+
+        return read_horizontals(*items)
+    return find_horizontals([with_component(record_of(item), in_degrees=True) for item in items])
 
 
 def horizontals_of(argument: Any) -> Horizontals:

@@ -262,7 +262,7 @@ def test_other_analyses_refuse_two_directions():
         lambda: tdint.run(LINEAR, (X, Y), gradient="damping"),
         lambda: tdint.load_model(LINEAR).replace(damping=0.02),
     ):
-        with pytest.raises(UsageError, match="one direction|two directions"):
+        with pytest.raises(UsageError, match=r"one direction|two directions"):
             call()
     for analysis in (tdint.modes, lambda model: tdint.pushover(model, "1%")):
         with pytest.raises(ModelError, match="the model has two directions"):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from tdint.model.keys.fields import Key, Keys, Value
+from tdint.model.keys.fields import ANY, Key, Keys, Value
 from tdint.model.keys.nodes import ListNode, MappingNode, Node, ScalarNode
 from tdint.model.story import Story
 from tdint.model.story_laws import LAWS
@@ -185,6 +185,18 @@ def _without(node: Node, names: Collection[str]) -> Node:
         if not (isinstance(key, ScalarNode) and key.text in names)
     )
     return node._replace(entries=tuple(entries))
+
+
+def read_azimuth(root: Value, *, has_pair: bool) -> float | None:
+    """Return the azimuth of axis x, degrees; None without the key. With `has_pair`, the motion is a
+    recording, whose components can be rotated."""
+    excitation = root.peek("excitation")
+    azimuth = excitation.peek("azimuth") if excitation else None
+    if azimuth and not has_pair:
+        azimuth.fault(
+            "the components in `x` and `y` act along the axes and are not rotated; omit it"
+        )
+    return azimuth.number(ANY) if azimuth else None
 
 
 def check_isolators(root: Value, stories: Sequence[Story]) -> None:

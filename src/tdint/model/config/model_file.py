@@ -37,6 +37,7 @@ from tdint.model.config.directions import (
     check_isolators,
     documents_of,
     has_directions,
+    read_azimuth,
     with_directions,
 )
 from tdint.model.config.matrix_keys import BASE, MATRICES, MATRIX
@@ -567,12 +568,10 @@ def _read_directions(value: Value, origin: SourceText) -> Model | None:
     x, y = models
     for model in models:
         check_isolators(value, model.stories)
-    azimuth = (excitation := value.peek("excitation")) and excitation.peek("azimuth")
-    if bool(x.excitation.record) < bool(y.excitation.record):
+    if y.excitation.record and not x.excitation.record:
         value.fault("excitation.x: the ground motion is missing; give that of both directions")
-    return replace(
-        x, across=y, axis_azimuth=azimuth.number(ANY) if azimuth else None, document=value.node
-    )
+    azimuth = read_azimuth(value, has_pair=not y.excitation.record)
+    return replace(x, across=y, axis_azimuth=azimuth, document=value.node)
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:

@@ -104,7 +104,9 @@ class Subject:
             return self.loaded(record, scale).case(None)
         record = None if record is NO_MOTION else record
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
-        across = self.across and self.across.case(getattr(scaled, "across", None))
+        across = None
+        if self.across is not None:
+            across = self.across.case(getattr(scaled, "across", None))
         model, *_ = self.model.directions
         return Case(model, self.prepared, scaled, self.integrator, across=across)
 
@@ -312,26 +314,33 @@ def run_batch(
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
 
-    def integrate(i: int) -> Response:
-        """Integrate run `i` individually."""
-        run_case, steps = case(i), runs[i][2]
-        if run_case.across is not None:
-            from tdint.response.runs.two_directions import integrate_directions
-
-            duration = None if steps.continues else steps.end
-            settings = RunSettings(dt=steps.h, duration=duration, until_rest=to_rest, check=check)
-            return integrate_directions(run_case, settings, keep=has_history)
+    def integrate_alone(run_case: Case, steps: Steps, history: bool, to_rest: bool) -> Response:
+        """Integrate a run in one direction individually."""
         integrate_case = run_with_error_estimate if check else Case.integrate
         if not to_rest:
-            return integrate_case(run_case, steps, has_history)
+            return integrate_case(run_case, steps, history)
         # The run ends at the requested time, so that no drift change after this time is estimated.
         return run_until_rest(
             run_case,
             steps,
-            lambda duration: integrate_case(
-                run_case, run_case.steps(steps.h, duration), has_history
-            ),
+            lambda duration: integrate_case(run_case, run_case.steps(steps.h, duration), history),
         )
+
+    def integrate(i: int) -> Response:
+        """Integrate run `i` individually."""
+        run_case, steps = case(i), runs[i][2]
+        if run_case.across is None:
+            return integrate_alone(run_case, steps, has_history, to_rest)
+        from tdint.response.runs.two_directions import integrate_directions
+
+        def integrate_part(part: Case, settings: RunSettings, **_: Any) -> Response:
+            """Integrate one direction of the run, with its history."""
+            steps = part.steps(settings.dt, settings.duration)
+            return integrate_alone(part, steps, True, settings.until_rest)
+
+        duration = None if steps.continues else steps.end
+        settings = RunSettings(dt=steps.h, duration=duration, until_rest=to_rest, check=check)
+        return integrate_directions(run_case, settings, integrate_part, keep=has_history)
 
     # Error estimates require a second run of each run, and an unstable time step an error message
     # of each run.

@@ -18,6 +18,7 @@ from tdint.response.arguments import (
     is_list,
     model_of,
     model_record,
+    pair_of,
     ratio_of,
     record_of,
 )
@@ -253,8 +254,6 @@ def prepare(
     remarks = [f"{NO_METHOD}; using {specification}"] if is_chosen else []
     integrator = initial.method if initial and not method else parse(specification)
     if model.across is not None:
-        from tdint.response.runs.two_directions import pair_of
-
         if initial:
             raise UsageError("initial: a run in two directions cannot continue another run")
         pair = pair_of(model, record)
@@ -380,7 +379,7 @@ def integrate_case(
     if case.across is not None:
         from tdint.response.runs.two_directions import integrate_directions
 
-        return integrate_directions(case, settings, tolerance=tolerance)
+        return integrate_directions(case, settings, integrate_case, tolerance=tolerance)
     if settings.until_rest:
         return run_until_rest(
             case,

@@ -16,22 +16,17 @@ error of the peak and the error of the history at the time of the resultant.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from operator import add
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tdint.arrays import Array, each_array
 from tdint.errors import UsageError
-from tdint.ground_motion.axes import PairRecord, along_axes
-from tdint.ground_motion.choice import RecordChoice
-from tdint.ground_motion.horizontals import Horizontals, find_horizontals, with_component
-from tdint.model.definition import Model
-from tdint.response.arguments import model_record, record_of
+from tdint.ground_motion.axes import PairRecord
 from tdint.response.runs.case import Case
 from tdint.response.runs.history import History
 from tdint.response.runs.outcome import (
@@ -420,74 +415,21 @@ def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-# ---- Cases and runs
-
-
-def pair_of(model: Model, motion: Any) -> PairRecord | None:
-    """Return the ground motion of a model along its axes: that of its file if `motion` is None.
-
-    Raises
-    ------
-    RecordError
-        The motion has a single component, or its components are not a pair.
-    UsageError
-        The factors of the components in the file differ.
-    """
-    if isinstance(motion, PairRecord):
-        return motion
-    if motion is not None:
-        return along_axes(_read_horizontals(motion), model.axis_azimuth)
-    x, y = (part.excitation.record for part in model.directions)
-    if x is None:
-        return None
-    if y is not None:
-        if x.scale != y.scale:
-            raise UsageError(
-                f"{model.name}: the components of a ground motion need the same factor, got scale "
-                f"{x.scale:g} for x and {y.scale:g} for y; scale the samples of one file instead"
-            )
-        records = [model_record(part) for part in model.directions]
-        return PairRecord.of(*(record for record in records if record is not None))
-    return pair_of_files(model, [x.file], x.choice).scaled(x.scale)
-
-
-def pair_of_files(model: Model, files: Sequence[str], choice: RecordChoice) -> PairRecord:
-    """Return the ground motion in one or two files along the axes of a model.
-
-    Raises
-    ------
-    RecordError
-        The files do not contain the two horizontal components of one ground motion.
-    """
-    # Imported here, because other runs do not read several components.
-    from tdint.ground_motion.reading.suites import read_chosen
-
-    records = [record for file in files for record in read_chosen(file, choice)]
-    named = [with_component(record, in_degrees=True) for record in records]
-    return along_axes(find_horizontals(named), model.axis_azimuth)
-
-
-def _read_horizontals(motion: Any) -> Horizontals:
-    """Return the pair of components of an argument of Python: a pair, or one or two files or
-    records."""
-    if isinstance(motion, Horizontals):
-        return motion
-    items = motion if isinstance(motion, tuple | list) else (motion,)
-    if all(isinstance(item, str | Path) for item in items):
-        from tdint.ground_motion.reading.read import read_horizontals
-
-        return read_horizontals(*items)
-    return find_horizontals([with_component(record_of(item), in_degrees=True) for item in items])
+# ---- Runs
 
 
 def integrate_directions(
     case: Case,
     settings: RunSettings,
+    integrate: Callable[..., Response],
     *,
     tolerance: float | None = None,
     keep: bool = True,
 ) -> Response:
     """Integrate a case in both directions and return the combined response (`combined`).
+
+    `integrate` is the function that integrates a case in one direction, with the arguments of
+    `tdint.response.runs.run.integrate_case`.
 
     With a tolerance, both directions have the smaller of their time steps. A run that ends before
     the other run is repeated up to the same end, unless one of them has collapsed. The histories of
@@ -498,12 +440,10 @@ def integrate_directions(
     FailedRun
         A direction failed.
     """
-    from tdint.response.runs.run import integrate_case
-
     assert case.across is not None
     cases = [replace(case, across=None), case.across]
     _check_durations(case, settings)
-    run = partial(integrate_case, history=True, history_errors=settings.check)
+    run = partial(integrate, history=True, history_errors=settings.check)
     responses = [run(part, settings, tolerance=tolerance) for part in cases]
     note: tuple[str, ...] = ()
     if responses[0].dt != responses[1].dt:
