@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
-from tdint.output.tables.responses import response_table
 from tdint.output.tables.table import TEXT, Cell, Column, Table, describe, error_columns, numbered
 from tdint.response.runs.outcome import Response
 from tdint.units import suffix
@@ -56,14 +56,14 @@ RESULTANT_ERROR = tuple(
 )
 
 
-def direction_table(response: Response) -> Table:
+def direction_table(response: Response, table_of: Callable[[Response], Table]) -> Table:
     """Return the table of the stories in both directions and of their resultants; the first column
-    is the direction."""
+    is the direction. `table_of` returns the table of a run in one direction."""
     parts = {
         **dict(zip(("x", "y"), response.directions, strict=True)),
         "resultant": replace(response, directions=()),
     }
-    tables = {name: response_table(part) for name, part in parts.items()}
+    tables = {name: table_of(part) for name, part in parts.items()}
     # Flexural stories have further columns in the directions only.
     width = len(tables["x"].columns)
     rows: list[tuple[Cell, ...]] = [

@@ -65,7 +65,7 @@ def response_table(response: Response) -> Table:
         # Imported here, because few models have two directions.
         from tdint.output.tables.directions import direction_table
 
-        return direction_table(response)
+        return direction_table(response, response_table)
     groups: Any = ()
     if response.model.matrices is not None:
         # Imported here, because few models have matrices.
