@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from tdint.response.runs.energy import Energy
     from tdint.response.runs.flexure import FlexurePeaks
     from tdint.response.runs.history import History
+    from tdint.response.runs.resultants import Resultants
     from tdint.response.runs.run_state import RunState
-    from tdint.response.runs.two_directions import Resultants
 
 
 def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
