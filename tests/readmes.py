@@ -243,7 +243,6 @@ def columns():
     """Return the columns of every table, by command."""
     return {
         "tdint run": (*responses.STORY_COLUMNS, responses.ENERGY),
-        "tdint run": responses.STORY_COLUMNS,
         "stories.csv of tdint run, two directions": (directions.DIRECTION,),
         "resultants.csv of tdint run": (
             *directions.RESULTANT_COLUMNS,
