@@ -51,7 +51,7 @@ DAMAGE = (
     "damage: {thresholds: hazus, losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: "
     "1}}\n"
 )
-COSTS = ("cost,number,district", "2e6,3,north", "1.5e6,,south", "4e5,10,north")
+COSTS = ("cost,number,district", "2e6,3,north", "1.5e6,1,south", "4e5,10,north")
 
 
 @pytest.fixture(scope="module")
@@ -575,6 +575,9 @@ def test_losses_are_sums_over_the_buildings(losing: Path, tdint: Command) -> Non
     change("buildings.csv", ("1.5e6", "much"))
     wrong = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
     assert states(wrong.stderr, "buildings.csv:3:9: cost: ... got 'much'")
+    change("buildings.csv", ("much,1,", "1.5e6,,"))
+    missing = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
+    assert states(missing.stderr, "buildings.csv:3:10: number: is missing; give zero or a positive")
 
 
 def test_only_selected_tables_are_written(losing: Path, tdint: Command) -> None:

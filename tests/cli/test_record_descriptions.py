@@ -215,10 +215,14 @@ def test_exported_records_of_one_station(folder, make_record, tdint):
     make_record(folder / "y.mseed", "HNE", "HNN", peak=2.0)
     tdint("info", "x.mseed", "y.mseed", "--export", "all.mseed")
     tdint("scale", "all.mseed", *PGA, "-o", "factors.csv")
-    names = [row["component"] for row in rows((folder / "factors.csv").read_text())]
-    assert len(set(names)) == 4
-    result = tdint("run", "shaken.yaml", "--factors", "factors.csv", "--no-check")
-    assert [row["component"] for row in rows(result.stdout)] == names
+    table = rows((folder / "factors.csv").read_text())
+    factors = {row["component"]: row["factor"] for row in table}
+    assert len(table) == len(factors) == 4
+    # Both components of a recording have one factor.
+    assert factors[".R01.SI.HNE"] == factors[".R01.SI.HNN"] != factors[".R02.SI.HNE"]
+    assert factors[".R02.SI.HNE"] == factors[".R02.SI.HNN"]
+    runs = rows(tdint("run", "shaken.yaml", "--factors", "factors.csv", "--no-check").stdout)
+    assert len(runs) == 4 and {row["component"]: row["scale"] for row in runs} == factors
 
 
 def test_selection_omits_unusable_files(columns, tdint):
@@ -238,7 +242,10 @@ def test_selection_omits_unusable_files(columns, tdint):
         *("--factor-range", "0.01:100"),
         code=4,
     )
-    assert len(rows(result.stdout)) == 3
+    chosen = rows(result.stdout)
+    # Three recordings of two components each
+    assert len({row["record"] for row in chosen}) == len(chosen) == 6
+    assert len({row["record"].split("_")[0] for row in chosen}) == 3
     assert "damaged_N.txt" in result.stderr
     assert "8 of 9 files used" in result.stderr
 

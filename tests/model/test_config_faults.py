@@ -18,10 +18,10 @@ WORDS = {
     "<keys>": (
         "name, units, stories, building, stiffness_matrix, matrices, base, attachments, links, "
         "damping, p_delta, excitation, initial, analysis, collapse_drift, plausibility, damage, "
-        "limits, output_units, report"
+        "limits, output_units, report, x, y"
     ),
     "<story keys>": "mass, weight, height, stiffness, period, law, elements, dashpot, isolator, "
-    "rayleigh, p_delta, flexural, repeat",
+    "rayleigh, p_delta, inertance, flexural, repeat, x, y",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
     "<ratio>": "a number of at least 0 and below 1",
     "<laws>": ", ".join(LAWS),
@@ -68,8 +68,8 @@ stories: [{mass: 1, stiffness: 1}]¶name: ! x
     2:7: the tag ! is not allowed; write the value without it
 stories: [{mass: 1, height: 3,5, stiffness: 1}]
     1:31: stories[1].5: unknown key; a comma divides entries here: write a decimal point
-x: &a {mass: 1}¶stories: [{<<: *a, stiffness: 1}]
-    1:1: x: unknown key; known: <keys>
+z: &a {mass: 1}¶stories: [{<<: *a, stiffness: 1}]
+    1:1: z: unknown key; known: <keys>
     2:12: stories[1].<<: merge keys are not supported; write the entries out
 stories: [{mass: 1, stiffness: 1}]¶? [a]¶: b
     2:3: a key must be a word, got a list or a mapping

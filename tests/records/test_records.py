@@ -11,6 +11,7 @@ from tdint.ground_motion.reading.read import read_record, read_records
 
 FOLDER = Path(__file__).parents[2] / "records"
 NAMES = ("firm-soil", "near-fault", "soft-soil")
+RETROFIT = tuple(f"retrofit/R{number}" for number in range(1, 5))
 G = 9.81
 
 
@@ -32,10 +33,14 @@ def velocity(record):
 
 def test_records_are_reproducible(maker, tmp_path):
     maker.write_records(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-        f"{name}.mseed" for name in NAMES
+    names = (*NAMES, *RETROFIT)
+    assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*.*")) == sorted(
+        Path(f"{name}.mseed") for name in names
     )
-    for name in NAMES:
+    assert sorted((FOLDER / "retrofit").iterdir()) == [
+        FOLDER / f"{name}.mseed" for name in RETROFIT
+    ]
+    for name in names:
         pairs = zip(
             read_records(FOLDER / f"{name}.mseed"),
             read_records(tmp_path / f"{name}.mseed"),
@@ -71,7 +76,7 @@ def test_readme_states_samples_and_peaks(name, component, samples, pga, pgv):
     assert line in (FOLDER / "README.md").read_text()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *RETROFIT])
 def test_files_are_small_and_have_two_components(name):
     path = FOLDER / f"{name}.mseed"
     assert path.stat().st_size < 200_000

@@ -151,7 +151,7 @@ CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
         [
             (
                 [fit_capacities([1.0, 2.0])],
-                ["2 records", "method of moments", "intensity measure", "95 % confidence"],
+                ["2 ground motions", "method of moments", "intensity measure", "95 % confidence"],
             ),
             (
                 [fit_capacities([1.0, 2.0, 2.0], [False, False, True]).named(0.1, "pga", "m/s^2")],

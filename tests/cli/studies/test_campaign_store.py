@@ -313,7 +313,7 @@ def test_overwrite_replaces_any_earlier_result(earlier: str, new: str, tdint: Co
     def results(folder: str) -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in Path(folder).glob("*.csv")}
 
-    of_ida = {"ida.csv", "capacities.csv"} if earlier == "an ida" else set()
+    of_ida = {"ida.csv", "capacities.csv", "fractiles.csv"} if earlier == "an ida" else set()
     found = {name: data for name, data in results("new").items() if name not in of_ida}
     assert found == results("empty") != {}
     tdint(*NEW[new][-1].split(), code=0)
