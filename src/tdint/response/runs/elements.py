@@ -10,7 +10,7 @@ from tdint.arrays import Array
 from tdint.model.building import element_yield_drifts
 from tdint.model.definition import Model
 from tdint.number_parsing import pluralize
-from tdint.response.runs.outcome import ENERGY_ROUNDING
+from tdint.response.runs.energy import ENERGY_ROUNDING
 from tdint.tabular import WithTable
 from tdint.units import Quantity, quantities
 

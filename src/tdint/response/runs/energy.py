@@ -9,6 +9,9 @@ from tdint.tabular import Described
 
 Amount = TypeVar("Amount")
 
+ENERGY_ROUNDING = 1e-12
+"""Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EnergyTerms(Described, Generic[Amount]):

@@ -12,6 +12,7 @@ from tdint.arrays import Array, Numbers, each_array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.number_parsing import first_warning, pluralize
+from tdint.response.runs.energy import ENERGY_ROUNDING
 from tdint.tabular import Described, Tabular, WithTable
 from tdint.units import Quantity, quantities
 
@@ -32,10 +33,6 @@ if TYPE_CHECKING:
 def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
     """Return the function of a `Quantity` that reads one row of the peaks of all stories."""
     return lambda building, peaks, end: peaks[..., row, :]
-
-
-ENERGY_ROUNDING = 1e-12
-"""Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -49,7 +49,8 @@ class Stepper(Described):
     Examples
     --------
     >>> import tdint
-    >>> stepper = tdint.Stepper({"stories": [{"mass": 1e5, "stiffness": 4e7}]}, "impulse4", 0.01)
+    >>> building = {"stories": [{"mass": 1e5, "stiffness": 4e7}]}
+    >>> stepper = tdint.Stepper(building, "impulse4", 0.01)
     >>> for acceleration in (0.5, 1.0):
     ...     stepper.step(acceleration)
     >>> stepper.state.displacement.shape
