@@ -145,6 +145,28 @@ class Known:
                 theta, theta_error, beta, beta_error = (float(row[name]) for name in names)
                 self._add_bounds(theta, theta_error, beta, beta_error)
 
+    def add_means(self, file: Path, models: Iterable[Path]) -> None:
+        """Add what a comparison states beside a table of profiles: the mean residual drift ratio of
+        each story, and the mean drift ratio of each building (that of its worst story) over that of
+        the first building."""
+        heights: dict[tuple[str, str], float] = {}
+        for model in map(load_model, models):
+            for number, story in enumerate(model.stories, start=1):
+                heights[model.name, str(number)] = story.height or math.nan
+        drifts: dict[tuple[str, str], float] = {}
+        with file.open(encoding="utf-8", newline="") as stream:
+            for row in csv.DictReader(stream):
+                if row["quantity"] not in ("peak_drift", "residual_drift"):
+                    continue
+                ratio = float(row["mean"]) / heights[row["building"], row["story"]]
+                key = row["scale"], row["building"]
+                if row["quantity"] == "peak_drift":
+                    drifts[key] = max(drifts.get(key, 0.0), ratio)
+                else:
+                    self.values.append(ratio)
+        first = next(building for _, building in drifts)
+        self.values += [drift / drifts[scale, first] for (scale, _), drift in drifts.items()]
+
     def add_capacities(self, file: Path) -> None:
         """Add the fractiles of the capacities of a study, and the fitted fragility functions.
 
