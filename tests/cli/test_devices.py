@@ -166,6 +166,11 @@ def tables(directory, names=TABLES):
     return {name: rows(Path(directory, name).read_text()) for name in names}
 
 
+def without_energies(line):
+    """Return a row without the hysteretic energies of stories, which campaigns do not store."""
+    return {name: cell for name, cell in line.items() if "hysteretic_energy_J" not in name}
+
+
 @pytest.mark.parametrize("check", every(2, ["--no-check", "--check"]))
 def test_campaigns_have_the_tables_of_single_runs(shaken, tdint, check):
     """Shards of which one is interrupted and continued, their merged store and the table of several
@@ -177,7 +182,7 @@ def test_campaigns_have_the_tables_of_single_runs(shaken, tdint, check):
             tdint("run m.yaml", f"{name}.csv", "--scale", scale, check, "-o", out, code=0)
             head = {"building": "shaken", "record": f"{name}.csv", "component": "", "scale": scale}
             for table, lines in tables(out).items():
-                expected[table] += [head | line for line in lines]
+                expected[table] += [head | without_energies(line) for line in lines]
     assert [line["attachment"] for line in expected["attachments.csv"][:2]] == ["tank", "absorber"]
     tdint(f"run m.yaml a.csv b.csv --scale 1,2 {check} -o several", code=0)
     assert tables("several", TABLES[1:]) == {name: expected[name] for name in TABLES[1:]}

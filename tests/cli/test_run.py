@@ -236,7 +236,10 @@ def test_a_run_reports_estimated_errors(folder, tdint, method):
     assert (folder / "out" / "stories.csv").read_bytes() == result.stdout.encode()
     table, bare = rows(result.stdout), rows(plain.stdout)
     names = list(bare[0])
-    assert list(table[0]) == [*names, *(f"{name}_error" for name in names[2:])]
+    *peaks, energy = names
+    errors = [f"{name}_error" for name in peaks[2:]]
+    assert list(table[0]) == [*peaks, *errors, energy, f"{energy}_error"]
+    assert energy == "hysteretic_energy_J"
     assert [{name: row[name] for name in names} for row in table] == bare
     relative = [float(row["peak_drift_m_error"]) / float(row["peak_drift_m"]) for row in table]
     check = summary_of(folder)["check"]

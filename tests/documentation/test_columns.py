@@ -19,6 +19,8 @@ RECORDED = (
 FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1 --no-check",
+    "stories.csv of tdint run, two directions": "{folder}/two.yaml --duration 0.5",
+    "resultants.csv of tdint run": "{folder}/two.yaml --duration 0.5",
     "elements.csv of tdint run": "configs/isolated-moat-wall.yaml --duration 0.1",
     "attachments.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
     "links.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
@@ -115,6 +117,9 @@ def folder(tmp_path_factory):
         "recorded.yaml": f"base: {motion}\nfloors: {{1: {motion}}}\n",
         "frame.yaml": "{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}",
         "other.yaml": "{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}",
+        "two.yaml": "{stories: [{mass: 1, x: {stiffness: 400}, y: {stiffness: 300}}], excitation: "
+        f"{{x: {{record: {{file: {record}, component: HN1}}}}, "
+        f"y: {{record: {{file: {record}, component: HN2}}}}}}}}",
         "rows.yaml": "{matrices: {names: [u], mass: [1], stiffness: [[400]]}, "
         f"excitation: {{record: {motion}}}}}",
         "joint.yaml": "{stories: [{mass: 1, stiffness: 400}], links: [{from: ground, to: 1, law: "
@@ -152,5 +157,12 @@ def test_columns(name, folder, monkeypatch):
     text = printed(line, *(["-o", str(out)] if file else []))
     text = (out / file.split()[0]).read_text() if file else text
     header = text.partition("\n")[0]
+    if name == "stories.csv of tdint run, two directions":
+        # The other columns are those of `tdint run`, with errors.
+        peaks = listed("tdint run")[:-1]
+        errors = [f"{column}_error" for column in peaks[2:]]
+        energy = [f"hysteretic_energy_J{end}" for end in ("", "_error")]
+        assert header.split(",") == [*listed(name), *peaks, *errors, *energy]
+        return
     # Columns of stories are listed only for the first story.
     assert [column for column in header.split(",") if not OTHER_STORY.match(column)] == listed(name)

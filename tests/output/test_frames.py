@@ -12,7 +12,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.messages import quiet_import
 from tdint.output.tables.buildings import mode_table
 from tdint.output.tables.histories import HistoryLayout, write_history
-from tdint.output.tables.responses import story_table
+from tdint.output.tables.responses import response_table, story_table
 from tdint.output.tables.spectra import result_table
 from tdint.units import STANDARD_GRAVITY
 
@@ -43,10 +43,20 @@ def check_columns(columns, table):
 
 
 def test_columns_equal_the_columns_of_the_tables(response):
-    check_columns(response.to_dict(), story_table(response.stories, response.check.errors))
+    check_columns(response.to_dict(), response_table(response))
     carried = tdint.run(response.model, response.record, method="moment4", check=True)
     columns = carried.to_dict()
-    check_columns(columns, story_table(carried.stories, carried.check.errors))
+    check_columns(columns, response_table(carried))
+    # The table of a run: the table of its peaks, and the energies.
+    peaks = story_table(carried.stories, carried.check.errors)
+    energies = {
+        "hysteretic_energy_J": carried.hysteretic_energy,
+        "hysteretic_energy_J_error": carried.check.hysteretic_energy,
+    }
+    assert tuple(columns) == (*peaks.columns, *energies)
+    check_columns({name: columns[name] for name in peaks.columns}, peaks)
+    for name, values in energies.items():
+        np.testing.assert_array_equal(columns[name], values, err_msg=name)
     check_columns(response.stories.to_dict(), story_table(response.stories))
     spectrum = tdint.spectrum(response.record, np.array([0.5, 1.0]))
     check_columns(spectrum.to_dict(), result_table([spectrum]))

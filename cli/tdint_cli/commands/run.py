@@ -159,9 +159,12 @@ def _is_pair(request: Request, records: Sequence[str]) -> bool:
     directions."""
     if len(records) != 2 or request.factors is not None or len(request.scale or ()) > 1:
         return False
+    # Options are tested before a missing model file is reported.
+    if "-" in (request.model, *records) or not is_there(request.model):
+        return False
     from tdint.model.config.model_file import load_model
 
-    return "-" not in (request.model, *records) and load_model(request.model).across is not None
+    return load_model(request.model).across is not None
 
 
 def _run(request: Request) -> None:

@@ -160,6 +160,9 @@ def test_each_run_has_a_row(study: Path, tdint: Command) -> None:
         for story in rows("out/stories.csv")
         if list(story.values())[:4] == list(row.values())[:4]
     ]
+    # Campaigns do not store hysteretic energies.
+    for story in stories:
+        del story["hysteretic_energy_J"]
     assert [{name: story[name] for name in stories[0]} for story in campaign_stories] == stories
 
 

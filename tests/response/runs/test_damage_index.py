@@ -1,5 +1,7 @@
 """Hysteretic energies of stories, and damage indices by values that two other programs computed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,3 +71,32 @@ def test_index_of_a_response(response):
     assert index[0] == pytest.approx(float(expected), rel=1e-12) and np.isnan(index[1])
     with pytest.raises(UsageError):
         response.damage_index(yield_drift)
+
+
+def test_energies_of_two_directions_are_sums():
+    """The resultants have the sum of the energies and of their errors; indices have a direction."""
+    law = {"type": "bilinear", "yield_force": 150e3, "hardening": 0}
+    across = {"stiffness": 8e6, "law": law | {"yield_force": 100e3}}
+    stories = [{"mass": 5e4, "height": 3, "x": {"stiffness": 12e6, "law": law}, "y": across}]
+    records = [
+        tdint.make_record(amplitude * np.sin(0.06 * np.arange(400)), dt=0.01, units="m/s^2")
+        for amplitude in (3.0, 2.5)
+    ]
+    pair = tuple(
+        replace(record, component=name)
+        for record, name in zip(records, ("000", "090"), strict=True)
+    )
+    response = tdint.run({"stories": stories}, pair, check=True)
+    x, y = response.directions
+    energies = [float(run.hysteretic_energy[0]) for run in (x, y)]
+    assert energies[0] != energies[1] and min(energies) > 0.0
+    assert response.hysteretic_energy == pytest.approx([sum(energies)], rel=1e-12)
+    assert response.hysteretic_energy.sum() == pytest.approx(response.energy.hysteretic, rel=1e-9)
+    table = response.to_dict()
+    assert list(table["direction"]) == ["x", "y", "resultant"]
+    for end in ("", "_error"):
+        in_x, in_y, total = table[f"hysteretic_energy_J{end}"]
+        assert total == pytest.approx(in_x + in_y, rel=1e-12) and in_x != in_y
+    assert np.isfinite(x.damage_index(0.3)[0])
+    with pytest.raises(UsageError, match="requires one direction"):
+        response.damage_index(0.3)

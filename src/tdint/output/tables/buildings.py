@@ -197,7 +197,7 @@ TARGET_OF_BUILDING = (
         "C1; with n2 displacement divided by elastic displacement",
     ),
     Column("c2", "1", elements_of("factors", 1), "C2; 1 with n2"),
-    Column("c_m", "1", "mass_factor", "factor C_m of the mass in strength_ratio; empty with n2"),
+    Column.named("mass_factor", "factor C_m of the mass in strength_ratio; empty with n2"),
     Column.named("site_class", "site class of C1; empty with n2", TEXT),
     Column("a", "1", "site_factor", "factor a of C1 for the site class; empty with n2"),
     Column(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from tdint.output.tables.table import TEXT, Cell, Column, Table, describe, error_columns, numbered
 from tdint.response.runs.outcome import Response
@@ -61,7 +60,7 @@ def direction_table(response: Response, table_of: Callable[[Response], Table]) -
     is the direction. `table_of` returns the table of a run in one direction."""
     parts = {
         **dict(zip(("x", "y"), response.directions, strict=True)),
-        "resultant": replace(response, directions=()),
+        "resultant": response,
     }
     tables = {name: table_of(part) for name, part in parts.items()}
     # Flexural stories have further columns in the directions only.

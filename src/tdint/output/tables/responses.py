@@ -65,7 +65,12 @@ def response_table(response: Response) -> Table:
         # Imported here, because few models have two directions.
         from tdint.output.tables.directions import direction_table
 
-        return direction_table(response, response_table)
+        return direction_table(response, _table_of_peaks)
+    return _table_of_peaks(response)
+
+
+def _table_of_peaks(response: Response) -> Table:
+    """Return the table of a run in one direction, of a sequence, or of the resultants."""
     groups: Any = ()
     if response.model.matrices is not None:
         # Imported here, because few models have matrices.
@@ -75,7 +80,7 @@ def response_table(response: Response) -> Table:
             return row_table(response)
         groups = flexure_groups(response)
     errors = response.check.errors if response.check else None
-    # The energies of a sequence start again with each event.
+    # The energies of the events of a sequence are not stored.
     if response.model.matrices is None and not response.events:
         check = response.check and response.check.hysteretic_energy is not None
         groups = (((ENERGY,), response), (ENERGY_ERROR, response.check if check else None))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, Numbers, each_array
-from tdint.errors import AnalysisError
+from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.energy import ENERGY_ROUNDING
@@ -591,7 +591,10 @@ class Response(Tabular):
     @property
     def hysteretic_energy(self) -> Array:
         """Energy that the restoring force of each story has dissipated since the start of the run,
-        J, shape (n,): the work of the force minus the stored elastic energy."""
+        J, shape (n,): the work of the force minus the stored elastic energy; of two directions the
+        sum."""
+        if self.directions:
+            return np.sum([run.hysteretic_energy for run in self.directions], axis=0)
         spent = self.final_state.space.law_state[rows.ENERGY_SPENT, : len(self.model.stories)]
         # The difference of work and stored energy of an elastic story is a rounding error.
         size = self.stories.peak_shear * self.stories.peak_drift
@@ -617,8 +620,10 @@ class Response(Tabular):
         Raises
         ------
         UsageError
-            An ultimate drift does not exceed the drift at yield.
+            An ultimate drift does not exceed the drift at yield, or there are two directions.
         """
+        if self.directions:
+            raise UsageError("a damage index requires one direction; use each of `directions`")
         # Imported here, because few runs need them.
         from tdint.model.building import yield_strength
         from tdint.response.runs.damage_index import park_ang

@@ -317,6 +317,7 @@ def combined(responses: Sequence[Response], record: PairRecord | None) -> Respon
             StoryErrors(**errors),
             time_steps=x.check.time_steps or y.check.time_steps,
             method=x.check.method,
+            hysteretic_energy=each_array(add, x.check.hysteretic_energy, y.check.hysteretic_energy),
         )
     return replace(
         x,
