@@ -594,7 +594,8 @@ class Response(Tabular):
         J, shape (n,): the work of the force minus the stored elastic energy; of two directions the
         sum."""
         if self.directions:
-            return np.sum([run.hysteretic_energy for run in self.directions], axis=0)
+            x, y = self.directions
+            return x.hysteretic_energy + y.hysteretic_energy
         spent = self.final_state.space.law_state[rows.ENERGY_SPENT, : len(self.model.stories)]
         # The difference of work and stored energy of an elastic story is a rounding error.
         size = self.stories.peak_shear * self.stories.peak_drift
