@@ -447,7 +447,7 @@ def checkout():
                 # directory of a program next to the records, which tests import
                 if source.name != "__pycache__":
                     (folder / part / source.name).symlink_to(source)
-        studies = ("campaign", "drift-check", "region", "fields", "exposure")
+        studies = ("campaign", "drift-check", "retrofit", "region", "fields", "exposure")
         for shown in ("workshop", "recorded", *studies):
             (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
