@@ -7,10 +7,12 @@ import re
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.read import read_record
@@ -68,8 +70,12 @@ class Known:
                 with closing(sqlite3.connect(file)) as store:
                     query = "SELECT ductility FROM story_rows WHERE ductility IS NOT NULL"
                     self.values += [value for (value,) in store.execute(query)]
+        models = list(models)
         for model in models:
             self._add_model(model)
+        # A building is described by the masses that differ from those of another one, as multiples.
+        masses = [load_model(model).stories[0].mass for model in models]
+        self.values += [one / other for one, other in permutations(masses, 2)]
 
     def _add(self, item: Any) -> None:
         if isinstance(item, dict):
@@ -170,18 +176,25 @@ class Known:
     def add_capacities(self, file: Path) -> None:
         """Add the fractiles of the capacities of a study, and the fitted fragility functions.
 
-        Fractiles are interpolated between the logarithms of the sorted capacities. theta is the
-        median and beta the standard deviation of a lognormal distribution; their standard errors
-        are beta / sqrt(n) and beta / sqrt(2 n) of n capacities. No capacity may be censored.
+        Fractiles are interpolated between the logarithms of the sorted capacities, at the
+        thresholds and at the tenths of the last threshold, the collapse. theta is the median and
+        beta the standard deviation of a lognormal distribution; their standard errors are
+        beta / sqrt(n) and beta / sqrt(2 n) of n capacities, and the bounds of theta are those of
+        Student's distribution. No capacity may be censored.
         """
         with file.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
         assert all(row["censored"] == "false" for row in rows)
         with (file.parent / "ida.csv").open(encoding="utf-8", newline="") as stream:
-            intensities = {
-                row["record"]: float(row["im"]) / float(row["scale"])
-                for row in csv.DictReader(stream)
-            }
+            runs = list(csv.DictReader(stream))
+        intensities = {row["record"]: float(row["im"]) / float(row["scale"]) for row in runs}
+        collapse = max(float(row["threshold"]) for row in rows)
+        for drift in np.linspace(0.1 * collapse, collapse, 10):
+            crossings = [
+                _crossing([row for row in runs if row["record"] == name], drift)
+                for name in intensities
+            ]
+            self._add_fractiles(np.log(crossings))
         # Scale factors of the capacities.
         self.values += [float(row["capacity"]) / intensities[row["record"]] for row in rows]
         for threshold in {row["threshold"] for row in rows}:
@@ -189,18 +202,33 @@ class Known:
                 [float(row["capacity"]) for row in rows if row["threshold"] == threshold]
             )
             n, beta = logarithms.size, float(np.std(logarithms, ddof=1))
-            fractiles = np.exp(np.quantile(logarithms, (0.16, 0.5, 0.84)))
-            # The first of two numbers has no unit: "0.23 and 0.39 g".
-            self.values += [*fractiles.tolist(), *(fractiles / STANDARD_GRAVITY).tolist()]
+            self._add_fractiles(logarithms)
             theta = math.exp(np.mean(logarithms))
             for unit in (1.0, STANDARD_GRAVITY):
-                self._add_bounds(theta / unit, beta / math.sqrt(n), beta, beta / math.sqrt(2 * n))
+                errors = beta / math.sqrt(n), beta / math.sqrt(2 * n)
+                quantile = float(stats.t.ppf(0.975, n - 1))
+                self._add_bounds(theta / unit, errors[0], beta, errors[1], quantile)
+            # Mean of beta in samples of this size, as a fraction of the actual value
+            gammas = math.gamma(n / 2), math.gamma((n - 1) / 2)
+            self.values.append(math.sqrt(2 / (n - 1)) * gammas[0] / gammas[1])
 
-    def _add_bounds(self, theta: float, theta_error: float, beta: float, beta_error: float) -> None:
-        """Add a fragility function and its bounds of 95 %."""
+    def _add_fractiles(self, logarithms: Any) -> None:
+        fractiles = np.exp(np.quantile(logarithms, (0.16, 0.5, 0.84)))
+        # The first of two numbers has no unit: "0.23 and 0.39 g".
+        self.values += [*fractiles.tolist(), *(fractiles / STANDARD_GRAVITY).tolist()]
+
+    def _add_bounds(
+        self,
+        theta: float,
+        theta_error: float,
+        beta: float,
+        beta_error: float,
+        quantile: float = 1.96,
+    ) -> None:
+        """Add a fragility function and its bounds of 95 %; the `quantile` is that of theta."""
         self.values += [theta, beta]
         for sign in (-1.0, 1.0):
-            self.values += [theta * math.exp(sign * 1.96 * theta_error)]
+            self.values += [theta * math.exp(sign * quantile * theta_error)]
             self.values += [max(beta + sign * 1.96 * beta_error, 0.0)]
 
     def add_pushover(self, file: Path, roof_target: float) -> None:
@@ -236,6 +264,21 @@ class Known:
             abs(abs(value) - abs(known) / factor) <= error + 1e-9 * abs(value)
             for known in self.values
         )
+
+
+def _crossing(runs: list[dict[str, str]], drift: float) -> float:
+    """Return the intensity where the runs of a motion, in the order of intensity, first reach a
+    drift ratio: on logarithmic axes between two runs, or the middle of the last run below collapse
+    and the first collapse."""
+    for before, after in pairwise(runs):
+        low, high = float(before["im"]), float(after["im"])
+        if after["status"] == "collapsed":
+            return math.sqrt(low * high)
+        drifts = [math.log(float(run["peak_drift_ratio"])) for run in (before, after)]
+        if drifts[0] < math.log(drift) <= drifts[1]:
+            share = (math.log(drift) - drifts[0]) / (drifts[1] - drifts[0])
+            return low * (high / low) ** share
+    raise AssertionError(drift)
 
 
 def _is_drift(name: str) -> bool:
