@@ -103,8 +103,8 @@ def test_the_batches(checkout):
     folder, run = checkout
     _, messages = run(readmes.block("batch"))
     assert (
-        "note: records/: not used: README.md, make_records.py (document); kaikoura/ (directory)\n"
-        in messages
+        "note: records/: not used: README.md, make_records.py (document); kaikoura/, retrofit/ "
+        "(directory)\n" in messages
     )
     assert {path.stem for path in (folder / "spectra").iterdir()} == {
         "firm-soil",
