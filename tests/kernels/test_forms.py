@@ -20,6 +20,7 @@ import os
 import sys
 from dataclasses import fields, is_dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,8 +28,9 @@ import pytest
 import tdint
 from building_cases import noise
 from feature_buildings import CASES, building, two_stories
+from registered import forget
 from selection import every
-from small_buildings import LAWS
+from small_buildings import LAWS, STRENGTH
 from tdint.kernels.building.load_or_compile import _python_function, as_views
 from tdint.methods.catalogue import parse
 from tdint.response.runs.compiled_steps import kernels
@@ -106,13 +108,16 @@ def collect(arrays, name, value):
 
 def assert_equal(found, expected, form):
     """Compare the arrays of two runs, relative to the largest number of each array. The error of
-    the energy balance, a fraction that consists of rounding errors, is compared relative to 1."""
+    the energy balance, a fraction that consists of rounding errors, is compared relative to 1. By
+    rounding, a few steps may end an iteration earlier or later; another path of the loops showed in
+    5 % more iterations."""
     assert found.keys() == expected.keys()
     for name, values in expected.items():
         smallest = 1.0 if name.endswith("energy.error") else 0.0
         scale = np.max(np.abs(values), initial=smallest, where=np.isfinite(values))
+        rtol = 0.04 if name == "iterations" else 1e-9
         np.testing.assert_allclose(
-            found[name], values, rtol=1e-9, atol=1e-9 * scale, err_msg=f"{form}: {name}"
+            found[name], values, rtol=rtol, atol=1e-9 * scale, err_msg=f"{form}: {name}"
         )
 
 
@@ -159,3 +164,21 @@ def test_features(features, method):
 )
 def test_laws(law, method):
     compare_forms(two_stories(law, law), method)
+
+
+PLUGIN_LAWS = {
+    "flag": {"type": "flag", "yield_force": 0.6 * STRENGTH, "hardening": 0.05, "loss": 0.6},
+    "menegotto_pinto": {"type": "menegotto-pinto", "yield_force": STRENGTH, "hardening": 0.03},
+}
+"""Laws of plug-ins by the name of their file: with lines, and with curves from a reversal."""
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", PLUGIN_LAWS)
+def test_laws_of_plugins(request, name, method):
+    request.addfinalizer(forget)
+    tdint.load_plugin(Path(__file__).parents[1] / f"methods/recipes/{name}.py")
+    model = two_stories(None, "bilinear")
+    model["stories"][0]["law"] = PLUGIN_LAWS[name]
+    compare_forms(model, method)
+    compare_forms({**model, "damping": {"modal": 0.03}}, method)
