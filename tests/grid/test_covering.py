@@ -63,6 +63,8 @@ SAME_MOTION = {
     # inerters of linear models: tests/response/runs/test_inertance.py
     *("attachments.weight", "attachments.inertance", "links.inertance", "stories.inertance"),
     *("attachments.mass_ratio", "attachments.period", "attachments.damping"),
+    # two directions, each a building of the grid: tests/response/runs/test_two_directions.py
+    *("x", "y", "stories.x", "stories.y", "excitation.x", "excitation.y", "excitation.azimuth"),
     # fracture: tests/grid/test_fractures.py
     *("stories.law.fracture_drift", "stories.elements.fracture_drift"),
     # linear models: tests/response/runs/test_matrices.py

@@ -84,8 +84,10 @@ def assert_same_tables(first, second):
 )
 @pytest.mark.slow
 def test_first_run_and_second_run_have_the_same_tables(tmp_path):
-    names = [case["name"] for case in cases()]
-    for case in cases():
+    # Inerters need no time loops: the matrices of the building are integrated by numpy.
+    with_loops = [case for case in cases() if "inertance" not in case["model"]]
+    names = [case["name"] for case in with_loops]
+    for case in with_loops:
         (tmp_path / f"{case['name']}.yaml").write_text(case["model"])
     lines = (f"{0.02 * i:.2f},{value!r}\n" for i, value in enumerate(pulse().tolist()))
     (tmp_path / "motion.csv").write_text("time_s,acceleration\n" + "".join(lines))
