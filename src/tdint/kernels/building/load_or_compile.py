@@ -447,7 +447,7 @@ def _plain() -> Iterator[None]:
     (`tdint.kernels.compiling.FULL`)."""
     modules = [
         module
-        for name, module in [*sys.modules.items()]
+        for name, module in sys.modules.copy().items()
         if name.startswith(("tdint.kernels.", "tdint.methods."))
         and vars(module).get("FULL") is True
     ]
