@@ -257,7 +257,7 @@ def same_file(file: str, digest: str) -> str:
 
 def files_to_send() -> tuple[tuple[str, bytes], ...]:
     """Return file name and executed source of each plug-in, for processes without these files."""
-    modules = [module for name, module in sys.modules.items() if name.startswith(_PREFIX)]
+    modules = [module for name, module in sys.modules.copy().items() if name.startswith(_PREFIX)]
     return tuple(
         (Path(module.__file__).name, vars(module)["__source__"])
         for module in modules
@@ -304,7 +304,9 @@ def peers() -> list[tuple[str, str, Callable[[Any], Any]]]:
         PEERS contains other objects.
     """
     programs = []
-    for module in [module for name, module in sys.modules.items() if name.startswith(_PREFIX)]:
+    for module in [
+        module for name, module in sys.modules.copy().items() if name.startswith(_PREFIX)
+    ]:
         for program in getattr(module, "PEERS", ()):
             if not (
                 isinstance(program, tuple)
