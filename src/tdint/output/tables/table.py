@@ -355,9 +355,10 @@ def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]
     pyarrow, writer = (import_optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
     arrays = []
     for cells in columns.values():
-        # pyarrow infers the type, except for a text column without any text.
+        # pyarrow infers the type, except for a text column without any text. An empty cell is null.
         is_empty_text = isinstance(cells, list) and all(cell is None for cell in cells)
-        arrays.append(pyarrow.array(cells, pyarrow.string() if is_empty_text else None))
+        cell_type = pyarrow.string() if is_empty_text else None
+        arrays.append(pyarrow.array(cells, cell_type, from_pandas=True))
     fields = [
         pyarrow.field(name, array.type, metadata=meanings.get(name, {}))
         for name, array in zip(columns, arrays, strict=True)
