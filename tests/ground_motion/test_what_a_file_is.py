@@ -66,6 +66,7 @@ NO_MOTIONS = {
         {"column": "Arias intensity [m/s]"},
         "'Arias intensity [m/s]' states ... not a ground motion",
     ),
+    "Ia": (table(T, np.cumsum(A**2), names="time,Ia (m/s)"), {}, "Ia (m/s) ... not a ground"),
     "CAV": (table(T, np.cumsum(TOTAL), names="Time (s),CAV (m/s)"), {}, "CAV ... not a ground"),
     "force": (table(T, A, B, names="Time (s),Force (kN),Temp [C]"), {}, "Force (kN), Temp [C]"),
     "total": (
@@ -91,6 +92,18 @@ def test_resultant_is_left_out_with_a_note(tmp_path, name):
     assert any(f"not read: {name} (g)" in note for note in records[0].notes)
     # The total acceleration of a floor has both signs.
     assert len(read(tmp_path, table(T, A, B, names=f"Time (s),X (g),{name} (g)"))) == 2
+
+
+@pytest.mark.parametrize("first", ["index", "Sample", "No.", "n"])
+@pytest.mark.parametrize("others", ["X (m/s^2),Y (m/s^2)", "a_x[m/s2],a_y[m/s2]"])
+def test_first_column_numbers_the_lines(tmp_path, first, others):
+    content = table(
+        np.arange(600.0), A, B, names=f"{first},{others}", forms=["%.0f", "%.5f", "%.5f"]
+    )
+    records = read(tmp_path, content, step=DT)
+    assert [record.component for record in records] == ["X", "Y"]
+    np.testing.assert_allclose(records[0].acceleration, A, atol=1e-5)
+    assert "numbers the lines" in message(tmp_path, content)
 
 
 def test_message_never_proposes_another_quantity(tmp_path):

@@ -51,7 +51,7 @@ _ORDINATE = re.compile(
 
 _NO_MOTION = re.compile(
     r"(?:.* )?(?:arias|intensit\w*|cav|fas|fourier|fft|psd|spectr\w*|espectro|spettro|housner|"
-    r"husid|pga|pgv|pgd|energy|cumulative)(?: .*)?|p?s[av]|psd|rotd\d+"
+    r"husid|pga|pgv|pgd|energy|cumulative)(?: .*)?|i[ _]?a|p?s[av]|psd|rotd\d+"
 )
 """Pattern of a name that states a quantity other than a ground motion."""
 

@@ -313,7 +313,7 @@ def _check_content(names: Names, header: Sequence[str], stated: Statements) -> N
         )
 
 
-_SPECTRAL_WORD = re.compile(r"spectr|\bperiods?\b|\bfrequenc|\bp?sa\b", re.IGNORECASE)
+_SPECTRAL_WORD = re.compile(r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b", re.IGNORECASE)
 
 
 def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
@@ -778,8 +778,12 @@ def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextL
     if len(lines) == 2:
         return () if is_statement else with_units(names, lines[1], separator)
     if not names or is_statement:
-        is_acceleration = any(name.quantity == "acceleration" and name.units for name in names)
-        return names if is_acceleration and names[0].quantity == TIME else ()
+        accelerations = [name for name in names if name.quantity == "acceleration" and name.units]
+        is_numbered = len(accelerations) == len(names) - 1 and bool(
+            _NUMBER.fullmatch(names[0].plain)
+        )
+        is_named = bool(accelerations) and (names[0].quantity == TIME or is_numbered)
+        return names if is_named else ()
     is_sentence = not re.search(r"[,;\t]|\s{2,}", lines[0].strip())
     has_time = any(name.quantity == TIME for name in names) or (
         bool(names[0].units) and names[0].units in SECONDS
@@ -787,6 +791,10 @@ def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextL
     is_selected = any(_has_name(names, column) for column in layout.column)
     is_named = not is_sentence or has_time or is_selected or bool(layout.skip_lines)
     return names if is_named else ()
+
+
+_NUMBER = re.compile(r"#|n|no\.?|nr\.?|number|index|i|row|line|points?|samples?|counts?")
+"""Pattern of the name of a first column that numbers the lines."""
 
 
 def _has_name(names: Names, column: str) -> bool:
