@@ -99,8 +99,9 @@ class Request:
     by: str | None = options.option(
         type=click.Choice(["type", "building"]),
         help="Fit one function per damage state for each building type (class), or for each "
-        "building, of a campaign with `damage`; DIR is the directory of the campaign. With --by "
-        "building, --threshold can replace the damage states.",
+        "building, of a campaign with `damage`; DIR is the directory of the campaign. A type "
+        "contains all variations (`vary`) of a model. With --by building, and for variations, "
+        "--threshold can replace the damage states.",
     )
     edp_range: tuple[float, float] | None = options.option(
         type=span,
@@ -220,7 +221,7 @@ def _compare(request: Request) -> None:
 def _check_options(request: Request) -> None:
     """Raise UsageError for options of a fit that exclude or require each other."""
     by = request.by
-    if by == "type" and request.states:
+    if by == "type" and request.states and not request.threshold:
         raise UsageError(
             "--states cannot be used with --by type, because the campaign defines the names of "
             "the states; omit --states"
@@ -307,6 +308,7 @@ def _fit(request: Request) -> None:
         types = dict.fromkeys(function.type for function in functions)
         fits = " and ".join(dict.fromkeys(function.fit for function in functions))
         say(f"{pluralize(len(functions), 'function')} of {pluralize(len(types), by)}: {fits}.")
+        say(*(f"{f.type}, {f.state}: {f.draws_text}." for f in functions if f.draws_text))
     else:
         say(*map(_function_text, functions))
     if functions[0].risk:
@@ -426,6 +428,8 @@ def _function_text(function: Fragility) -> str:
         text += f" (95 %: {low:.3f} to {high:.3f})"
     if function.modeling_dispersion:
         text += f", total beta {function.beta_total:.3f}"
+    if function.draws_text:
+        text += f", {function.draws_text}"
     if function.censored:
         text += f"; {function.censored} of {function.runs} censored"
     if function.risk:

@@ -1,12 +1,17 @@
 """`tdint fragility`: functions of tables and studies, their units, and errors."""
 
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
+import tdint as tdint_library
 from csv_rows import rows
 from facts import states
+from peer_files import write_at2
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -217,3 +222,102 @@ def test_frequency_from_outside_the_curve(folder, tdint):
     assert float(rows(allowed.stdout)[0]["share_outside"]) > 0.1
     assert "outside the points" in allowed.stderr
     tdint.refused("--hazard", "fragility", "stripes.csv", "--allow-outside")
+
+
+def test_k3_capacities_of_draws_are_pooled(folder, tdint):
+    """K3: three draws of the properties under four motions; the jackknife omits motions."""
+    logarithms = [[-1.2, -0.9, -0.8, -0.5], [-1.0, -0.6, -0.7, -0.3], [-1.5, -1.1, -0.9, -0.8]]
+    lines = ["record,draw,capacity"]
+    for draw, values in enumerate(logarithms):
+        lines += [f"r{i},{draw},{math.exp(value)!r}" for i, value in enumerate(values)]
+    (folder / "capacities.csv").write_text("\n".join(lines) + "\n")
+    result = tdint("fragility capacities.csv", code=0)
+    (row,) = rows(result.stdout)
+    found = [
+        float(row[name])
+        for name in ("theta", "beta", "beta_within", "beta_between", "theta_error", "motions")
+    ]
+    assert found == pytest.approx(
+        [0.4238679405, 0.3232177238, 0.2958039892, 0.2126225137, 0.1442573575, 4], rel=1e-9
+    )
+    assert "beta within draws 0.296, between draws 0.213" in result.stderr
+    # A single draw, and a draw with one capacity, determine no dispersion between draws.
+    for kept in (lines[:5], lines[:-3]):
+        (folder / "fewer.csv").write_text("\n".join(kept) + "\n")
+        (row,) = rows(tdint("fragility fewer.csv", code=0).stdout)
+        assert "beta_within" not in row
+
+
+@pytest.fixture
+def drawn(folder, tdint):
+    """Run a campaign of six draws of a linear frame under five motions at five levels."""
+    (folder / "frame.yaml").write_text(
+        "name: frame\nunits: {length: m, force: kN, mass: t}\n"
+        "stories: [{mass: 100, height: 3, stiffness: 16000}]\ndamping: 5%\n"
+    )
+    time = np.arange(500) * 0.01
+    for number, omega in enumerate((8.0, 10.0, 12.0, 15.0, 19.0)):
+        values = 0.2 * np.sin(omega * time) * np.exp(-((time - 2.0) ** 2))
+        write_at2(folder / f"RSN{number}.AT2", f"RSN{number}, 000", values)
+    (folder / "draws.yaml").write_text(
+        "buildings: {models: [frame.yaml]}\n"
+        "records: {files: [RSN0.AT2, RSN1.AT2, RSN2.AT2, RSN3.AT2, RSN4.AT2]}\n"
+        "analysis: {method: exact}\n"
+        "intensity: {measure: pga, levels: [0.1 g, 0.2 g, 0.3 g, 0.4 g, 0.6 g]}\n"
+        "vary:\n  stiffness_factor: {lognormal: {median: 1, beta: 0.3}}\n"
+        "  mass_factor: {uniform: {low: 0.9, high: 1.1}}\n  samples: 6\n"
+        "  correlation: {parameters: [stiffness_factor, mass_factor], "
+        "matrix: [[1, 0.9], [0.9, 1]]}\n"
+    )
+    return tdint("campaign draws.yaml -o out", code=0)
+
+
+def test_draws_of_a_campaign_are_pooled(folder, tdint, drawn):
+    """All draws and motions are one set. The jackknife omits motions with all their draws."""
+    assert states(drawn.stderr, "ranks (Spearman) of stiffness_factor, mass_factor")
+    runs = rows((folder / "out/runs.csv").read_text())
+    properties = {
+        run["building"]: (float(run["stiffness_factor"]), float(run["mass_factor"])) for run in runs
+    }
+    assert spearmanr(np.array([*properties.values()]))[0] > 0.75
+    result = tdint("fragility out --by type --threshold 1.5%", code=0)
+    (row,) = rows(result.stdout)
+    assert (row["type"], row["motions"], row["runs"]) == ("frame", "5", "150")
+
+    def fit(kept):
+        """Fit stripes to some of the runs."""
+        levels = sorted({float(run["level"]) for run in runs})
+        exceeding = [
+            [float(run["peak_drift_ratio"]) > 0.015 for run in kept if float(run["level"]) == level]
+            for level in levels
+        ]
+        return tdint_library.fit_stripes(
+            np.array(levels), np.array([*map(sum, exceeding)]), np.array([*map(len, exceeding)])
+        )
+
+    pooled = fit(runs)
+    assert float(row["theta"]) == pytest.approx(pooled.theta, rel=1e-6)
+    assert float(row["beta"]) == pytest.approx(pooled.beta, rel=1e-6)
+    logarithms = [
+        math.log(fit([run for run in runs if run["motion"] != motion]).theta)
+        for motion in {run["motion"] for run in runs}
+    ]
+    assert float(row["theta_error"]) == pytest.approx(2.0 * np.std(logarithms), rel=1e-4)
+    draws = [fit([run for run in runs if run["building"] == name]) for name in properties]
+    betas, thetas = ([getattr(item, name) for item in draws] for name in ("beta", "theta"))
+    within, between = np.sqrt(np.mean(np.square(betas))), np.std(np.log(thetas), ddof=1)
+    assert float(row["beta_within"]) == pytest.approx(within, rel=1e-6)
+    assert float(row["beta_between"]) == pytest.approx(between, rel=1e-6)
+    assert states(result.stderr, f"frame, ds1: beta within draws {within:.3g}, between draws")
+
+
+def test_messages_on_draws(folder, tdint, drawn):
+    by_type = "fragility out --by type --threshold 1.5% --modeling-dispersion 0.2"
+    result = tdint(by_type, "--report", "page.html", code=0)
+    assert states(result.stderr, "dispersion between the draws ... must not contain it again")
+    assert "beta_between that of the medians" in (folder / "page.html").read_text("utf-8")
+    tdint.refused("--by building ... variations of a model together with --by type",
+                  "fragility out --threshold 1.5%", code=3)  # fmt: skip
+    result = tdint("fragility out --by type --threshold 2.5%", code=0)
+    assert states(result.stderr, "a draw alone determines no function")
+    assert "beta_within" not in rows(result.stdout)[0]

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import lognorm, norm, uniform
+from scipy.stats import kendalltau, lognorm, norm, spearmanr, uniform
 
 import tdint
+from facts import states
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.model.config.record_files import RecordFiles
@@ -19,8 +20,11 @@ from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
+    Correlation,
     Distribution,
     ParameterSweep,
+    correlation_of_scores,
+    reordered,
 )
 from tdint.studies.campaign.execute import execute_plan, threads
 from tdint.studies.campaign.inputs import Inputs, suite_motions
@@ -306,3 +310,118 @@ def test_invalid_distribution_parameters_are_refused(
         Distribution(name, *numbers)
     for first, second in ((1e-9, 1.0), (0.5, 0.6)):
         Distribution(name, first, second)
+
+
+# Two lognormal properties with the coefficients of variation 0.3 and 0.5
+PROPERTIES = {
+    name: Distribution("lognormal", 1.0, math.sqrt(math.log(1.0 + variation**2)))
+    for name, variation in (("stiffness_factor", 0.3), ("strength_factor", 0.5))
+}
+
+
+def pair_of(rho: float, of: str = "values") -> Correlation:
+    return Correlation(tuple(PROPERTIES), ((1.0, rho), (rho, 1.0)), of)
+
+
+def test_k1_normal_scores_of_correlated_lognormal_values():
+    """K1: logarithmic standard deviations, and correlation of the normal scores."""
+    assert [item.second for item in PROPERTIES.values()] == pytest.approx(
+        [0.2935603792, 0.4723807271], rel=1e-9
+    )
+    score = pair_of(0.6).of_scores(PROPERTIES)[0, 1]
+    assert score == pytest.approx(0.6214486798, rel=1e-9)
+    assert 6.0 / math.pi * math.asin(score / 2.0) == pytest.approx(0.6034295996, rel=1e-9)
+    assert 2.0 / math.pi * math.asin(score) == pytest.approx(0.4269111344, rel=1e-9)
+    of_ranks = pair_of(0.6, "ranks").of_scores(PROPERTIES)[0, 1]
+    assert of_ranks == pytest.approx(0.6180339887, rel=1e-9)
+
+
+def test_k1_samples_have_the_correlations():
+    """K1: rank correlations of the samples, whose values have the correlation 0.6."""
+    sweep = ParameterSweep(random=PROPERTIES, samples=20_000, correlation=pair_of(0.6))
+    samples = np.array([[*change.values()] for change in sweep.changes()]).T
+    assert np.corrcoef(samples)[0, 1] == pytest.approx(0.6, abs=0.005)
+    assert spearmanr(*samples)[0] == pytest.approx(0.6034295996, abs=0.003)
+    assert kendalltau(*samples)[0] == pytest.approx(0.4269111344, abs=0.003)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "factor"),
+    [
+        (Distribution("uniform", 1.0, 3.0), Distribution("normal", 5.0, 2.0), math.pi / 3.0),
+        (Distribution("normal", 1.0, 0.1), Distribution("normal", 5.0, 2.0), 1.0),
+    ],
+)
+def test_correlation_of_scores_of_other_distributions(first, second, factor):
+    """For a normal and a uniform value, the correlation is sqrt(3 / pi) of that of the scores."""
+    found = correlation_of_scores(0.6, first, second)
+    assert found == pytest.approx(0.6 * math.sqrt(factor), rel=1e-12)
+
+
+def test_k2_reordering_of_a_latin_hypercube():
+    x, y = np.arange(1.0, 6.0), np.array([30.0, 10.0, 50.0, 20.0, 40.0])
+    assert spearmanr(x, y)[0] == pytest.approx(0.3)
+    found = reordered(np.column_stack([x, y]), np.array([[1.0, 0.8], [0.8, 1.0]]))
+    assert found[:, 0].tolist() == x.tolist()
+    assert found[:, 1].tolist() == [20.0, 10.0, 40.0, 30.0, 50.0]
+    assert spearmanr(*found.T)[0] == pytest.approx(0.8)
+
+
+def test_correlated_samples_keep_every_stratum_and_other_parameters():
+    random = {"mass_factor": Distribution("uniform", 0.8, 1.2), **PROPERTIES}
+    free = ParameterSweep(random=random, samples=30, seed=3)
+    tied = replace(free, correlation=pair_of(-0.7, "ranks"))
+    before, after = (
+        {name: [change[name] for change in sweep.changes()] for name in random}
+        for sweep in (free, tied)
+    )
+    assert after["mass_factor"] == before["mass_factor"]
+    for name in PROPERTIES:
+        assert sorted(after[name]) == sorted(before[name])
+    ranks = spearmanr(*(after[name] for name in PROPERTIES))[0]
+    assert ranks == pytest.approx(-0.7, abs=0.05)
+    with pytest.raises(UsageError, match="2 samples are too few for 2 correlated parameters"):
+        replace(tied, samples=2).changes()
+
+
+def test_correlations_in_a_campaign_file(tmp_path):
+    """K4 and other invalid matrices are errors at the key."""
+    text = """
+        buildings: {models: [frame.yaml]}
+        records: {files: [a.mseed]}
+        vary:
+          damping: {normal: {mean: 0.05, sd: 0.001}}
+          mass_factor: {uniform: {low: 0.9, high: 1.1}}
+          strength_factor: {lognormal: {median: 1, beta: 0.4}}
+          stiffness_factor: [1, 2]
+          samples: 9
+          correlation: {parameters: [damping, mass_factor, strength_factor], matrix: MATRIX}
+    """
+    valid = "[[1, 0.5, 0], [0.5, 1, 0.2], [0, 0.2, 1]]"
+    file = tmp_path / "c.yaml"
+    file.write_text(text.replace("MATRIX", valid))
+    correlation = load_campaign(file).sweep.correlation
+    assert correlation == Correlation(
+        ("damping", "mass_factor", "strength_factor"),
+        ((1.0, 0.5, 0.0), (0.5, 1.0, 0.2), (0.0, 0.2, 1.0)),
+    )
+    assert "ranks (Spearman) of damping, mass_factor, strength_factor" in correlation.note
+    faults = {
+        "[[1, 0.9, 0.9], [0.9, 1, -0.9], [0.9, -0.9, 1]]": "its smallest eigenvalue is -0.8",
+        "[[1, 0.5, 0], [0.4, 1, 0], [0, 0, 1]]": "symmetric, got 0.4 and 0.5 for mass_factor",
+        "[[1, 0.5, 0], [0.5, 1, 0], [0, 0, 0.9]]": "diagonal ... 1, got 0.9 for strength_factor",
+        "[[1, 0.5], [0.5, 1]]": "3 rows of 3 numbers",
+        "[[1, 1.5, 0], [1.5, 1, 0], [0, 0, 1]]": "matrix[1][2]: must be a number of at least -1",
+        "[[1, 0, 0], [0, 1, -0.97], [0, -0.97, 1]], of: values":
+            "mass_factor and strength_factor: ... between -0.926 and 0.926, got -0.97",
+        f"{valid}, of: logs": ".of: unknown value 'logs'",
+    }  # fmt: skip
+    for matrix, message in faults.items():
+        file.write_text(text.replace("MATRIX", matrix))
+        with pytest.raises(ModelError) as caught:
+            load_campaign(file)
+        assert states(str(caught.value), f"vary.correlation ... {message}"), str(caught.value)
+    unknown = text.replace("MATRIX", valid).replace("[damping,", "[stiffness_factor,")
+    file.write_text(unknown)
+    with pytest.raises(ModelError, match="'stiffness_factor' is not a random parameter"):
+        load_campaign(file)

@@ -9,15 +9,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
-from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
+from tdint.model.keys.fields import (
+    ANY,
+    Bounds,
+    Choice,
+    EntriesOf,
+    Integer,
+    Key,
+    Keys,
+    Schema,
+    TextLine,
+    Value,
+)
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
 from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, Levels, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
@@ -63,19 +76,202 @@ class Distribution:
         if self.name == "lognormal" and not self.first > 0.0:
             raise UsageError(f"lognormal: {first_name} must be positive, got {self.first:g}")
 
-    def at(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, probability: Array) -> Array:
         """Return the quantiles of the distribution at probabilities from 0 to 1, as an array of the
         same shape."""
         from scipy.special import ndtri
 
         if self.name == "uniform":
             return self.first + probability * (self.second - self.first)
+        return self.at_scores(ndtri(probability))
+
+    def at_scores(self, scores: Array) -> Array:
+        """Return the quantiles of the distribution at the probabilities Phi(scores)."""
+        from scipy.special import ndtr
+
+        if self.name == "uniform":
+            return self.at(ndtr(scores))
         # The second parameter is the standard deviation of the value (normal) or of its logarithm
         # (lognormal).
-        deviations = self.second * ndtri(probability)
+        deviations = self.second * scores
         if self.name == "lognormal":
             return np.asarray(self.first * np.exp(deviations))
         return np.asarray(self.first + deviations)
+
+
+RANKS, VALUES = "ranks", "values"
+"""Quantities that a correlation matrix refers to: ranks (Spearman) or values (Pearson)."""
+
+_HERMITE_TERMS = 60
+"""Number of Hermite polynomials in the correlation of two values; 60 terms are exact to rounding
+for lognormal distributions with a beta up to 2."""
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlation of random parameters that have a Gaussian copula.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names of the parameters, in the order of the rows and columns of the matrix.
+    matrix : tuple of tuple of float
+        Correlation of each two parameters.
+    of : str
+        `ranks` or `values`.
+    """
+
+    parameters: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    of: str = RANKS
+
+    def __post_init__(self) -> None:
+        """Raise UsageError if the matrix is not a correlation matrix of these parameters."""
+        count = len(self.parameters)
+        if [len(row) for row in self.matrix] != [count] * count:
+            raise UsageError(
+                f"the matrix must have {count} rows of {count} numbers, one for each of the "
+                "parameters"
+            )
+        for i, name in enumerate(self.parameters):
+            if self.matrix[i][i] != 1.0:
+                raise UsageError(
+                    f"the diagonal of the matrix must be 1, got {self.matrix[i][i]:g} for {name}"
+                )
+            for j, other in enumerate(self.parameters[:i]):
+                if self.matrix[i][j] != self.matrix[j][i]:
+                    raise UsageError(
+                        f"the matrix must be symmetric, got {self.matrix[i][j]:g} and "
+                        f"{self.matrix[j][i]:g} for {name} and {other}"
+                    )
+        _check_positive_definite(np.array(self.matrix), "the matrix")
+
+    def of_scores(self, random: Mapping[str, Distribution]) -> Array:
+        """Return the correlation matrix of the normal scores of the parameters.
+
+        `random` has the distributions of all random parameters by name.
+
+        Raises
+        ------
+        UsageError
+            A parameter is not random, or its distribution does not permit a correlation.
+        """
+        for name in self.parameters:
+            if name not in random:
+                raise UsageError(
+                    f"{name!r} is not a random parameter; random are: {', '.join(random) or 'none'}"
+                )
+        result = np.eye(len(self.parameters))
+        for (i, first), (j, second) in itertools.combinations(enumerate(self.parameters), 2):
+            rho = self.matrix[i][j]
+            if self.of == RANKS:
+                result[i, j] = result[j, i] = 2.0 * math.sin(math.pi * rho / 6.0)
+                continue
+            try:
+                score = correlation_of_scores(rho, random[first], random[second])
+            except UsageError as error:
+                raise UsageError(f"{first} and {second}: {error}") from None
+            result[i, j] = result[j, i] = score
+        _check_positive_definite(result, "the matrix of the normal scores that it requires")
+        return result
+
+    @property
+    def note(self) -> str:
+        """Note for the user on the meaning of the matrix."""
+        measure = {RANKS: "ranks (Spearman)", VALUES: "values (Pearson)"}[self.of]
+        return (
+            f"correlation of the {measure} of {', '.join(self.parameters)}: the samples of the "
+            "Latin hypercube are reordered (Iman and Conover 1982)"
+        )
+
+
+def _check_positive_definite(matrix: Array, called: str) -> None:
+    """Raise UsageError unless all eigenvalues of a correlation matrix are positive."""
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    # Rounding errors are about 1e-16 times the number of parameters.
+    if smallest <= 1e-12:
+        raise UsageError(
+            f"{called} must be positive definite, its smallest eigenvalue is "
+            f"{0.0 if abs(smallest) <= 1e-12 else smallest:.6g}; reduce the correlations"
+        )
+
+
+def correlation_of_scores(rho: float, first: Distribution, second: Distribution) -> float:
+    """Return the correlation of the normal scores of two parameters with a Gaussian copula, whose
+    values have the correlation `rho` (Liu and Der Kiureghian 1986).
+
+    Raises
+    ------
+    UsageError
+        The distributions do not permit this correlation.
+    """
+    from scipy.optimize import brentq
+
+    # Standardized values are sums a_n He_n(z) / sqrt(n!) of Hermite polynomials of the scores, so
+    # that the correlation of two values is the sum of a_n b_n r^n, r being that of the scores.
+    terms = np.prod([_hermite_coefficients(item) for item in (first, second)], axis=0)
+
+    def of_values(score_correlation: float) -> float:
+        """Return the correlation of the values."""
+        return float(np.polynomial.polynomial.polyval(score_correlation, terms))
+
+    low, high = of_values(-1.0), of_values(1.0)
+    if not low < rho < high:
+        raise UsageError(
+            f"these distributions permit correlations of the values between {low:.4g} and "
+            f"{high:.4g}, got {rho:g}"
+        )
+    return float(brentq(lambda r: of_values(r) - rho, -1.0, 1.0, xtol=1e-15))
+
+
+def _hermite_coefficients(distribution: Distribution) -> Array:
+    """Return the coefficients of the standardized values of a distribution in normalized Hermite
+    polynomials of the normal score, shape (_HERMITE_TERMS,); the first, the mean, is zero."""
+    scores, weights = np.polynomial.hermite_e.hermegauss(2 * _HERMITE_TERMS)
+    values = distribution.at_scores(scores)
+    # The normalized polynomials h_n = He_n / sqrt(n!) follow from their recurrence relation.
+    polynomials = [np.ones_like(scores), scores]
+    for n in range(2, _HERMITE_TERMS):
+        next_one = scores * polynomials[-1] - math.sqrt(n - 1) * polynomials[-2]
+        polynomials.append(next_one / math.sqrt(n))
+    coefficients = np.array(polynomials) @ (weights * values)
+    coefficients[0] = 0.0
+    return np.asarray(coefficients / np.linalg.norm(coefficients))
+
+
+def reordered(samples: Array, correlation: Array) -> Array:
+    """Return samples, shape (n, k), with each column reordered so that the normal scores of the
+    columns have a correlation (Iman and Conover 1982). The first column keeps its order.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, k)
+        Independent samples without equal values in a column.
+    correlation : ndarray, shape (k, k)
+        Correlation matrix of the normal scores.
+
+    Raises
+    ------
+    UsageError
+        The samples are too few.
+    """
+    from scipy.special import ndtri
+
+    def ranks(values: Array) -> NDArray[np.intp]:
+        """Return the rank of each value in its column, from 0."""
+        return np.argsort(np.argsort(values, axis=0, kind="stable"), axis=0)
+
+    scores = ndtri((ranks(samples) + 1.0) / (len(samples) + 1.0))
+    present = np.corrcoef(scores, rowvar=False)
+    if len(samples) <= len(correlation) or np.linalg.eigvalsh(present)[0] < 1e-9:
+        raise UsageError(
+            f"{len(samples)} samples are too few for {len(correlation)} correlated parameters; "
+            "use more samples"
+        )
+    # Remove the correlation of the scores, and introduce the requested one.
+    transform = np.linalg.cholesky(correlation) @ np.linalg.inv(np.linalg.cholesky(present))
+    order = ranks(scores @ transform.T)
+    return np.take_along_axis(np.sort(samples, axis=0), order, axis=0)
 
 
 @dataclass(frozen=True)
@@ -87,8 +283,9 @@ class ParameterSweep:
     grids : mapping of str to tuple of float
         Values of parameters (`tdint.model.parameters.PARAMETERS`), in all combinations.
     random : mapping of str to Distribution
-        Independent random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover
-        1979).
+        Random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover 1979).
+    correlation : Correlation | None
+        Correlation of random parameters; the others are independent.
     samples : int
         Number of samples of the random parameters. Each combination of the other values is analyzed
         with the same samples.
@@ -108,6 +305,7 @@ class ParameterSweep:
     methods: tuple[str, ...] = ()
     steps: tuple[float, ...] = ()
     location: ModelFault | None = field(default=None, compare=False)
+    correlation: Correlation | None = None
 
     @contextmanager
     def reported_at_key(self) -> Iterator[None]:
@@ -130,7 +328,8 @@ class ParameterSweep:
         Raises
         ------
         UsageError
-            A sampled value is out of range; there are too many variations.
+            A sampled value is out of range; there are too many variations, or too few samples of
+            correlated parameters.
         """
         # Check the number of variations before they are created, because a typing error in the
         # campaign file can request so many that they do not fit in memory.
@@ -152,6 +351,10 @@ class ParameterSweep:
 
         sampler = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed))
         probabilities = sampler.random(self.samples)  # shape (samples, parameters)
+        if self.correlation:
+            correlated = [[*self.random].index(name) for name in self.correlation.parameters]
+            matrix = self.correlation.of_scores(self.random)
+            probabilities[:, correlated] = reordered(probabilities[:, correlated], matrix)
         values_by_parameter = [
             distribution.at(probabilities[:, i]).tolist()
             for i, distribution in enumerate(self.random.values())
@@ -242,6 +445,26 @@ _SAMPLES = (
     Key("samples", Integer(1, 100_000), "number of samples of random parameters (Latin hypercube)"),
     Key("seed", Integer(0, 2**31 - 1), "random seed"),
 )
+_MATRIX = EntriesOf(EntriesOf(Bounds(-1.0, 1.0)), description="a list of rows")
+_CORRELATION = Keys(
+    (
+        Key(
+            "parameters",
+            EntriesOf(
+                TextLine(),
+                least=2,
+                description="a list of at least two random parameters",
+                distinct="different parameters",
+            ),
+            "correlated random parameters",
+            needed=True,
+        ),
+        Key("matrix", _MATRIX, "correlation of each two parameters, a list of rows", needed=True),
+        Key("of", Choice((RANKS, VALUES)), "ranks (Spearman, default) or values (Pearson)"),
+    ),
+    description="a mapping with the keys parameters and matrix",
+)
+_SAMPLING = (*_SAMPLES, Key("correlation", _CORRELATION, "correlation of random parameters"))
 _VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
 
 
@@ -294,7 +517,7 @@ class Varied:
             name: {"description": meaning, **values_or_distribution}
             for name, meaning in PARAMETERS.items()
         }
-        sampling = {key.name: {"description": key.meaning, **key.type.schema()} for key in _SAMPLES}
+        sampling = Keys(_SAMPLING).schema()["properties"]
         # Names of story parameters: `stories.KEY`, `stories[NUMBER].KEY` or `story NUMBER.KEY`
         story_parameters = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": values_or_distribution}
         return {
@@ -348,14 +571,14 @@ def _read_vary(value: Value) -> ParameterSweep | None:
     names = value.names
     # The allowed names of parameters depend on the stories of the models. Therefore all names are
     # accepted here and checked with the models.
-    section = value.section(
-        Keys((*_SAMPLES, *(Key(name, ANY) for name in names if name not in ("samples", "seed"))))
-    )
+    sampling = Keys(_SAMPLING)
+    parameters = [name for name in names if name not in sampling]
+    section = value.section(Keys((*_SAMPLING, *(Key(name, ANY) for name in parameters))))
     if section is None:
         return None
-    for name in names:
+    for name in parameters:
         entry = section.get(name)
-        if entry is None or name in ("samples", "seed"):
+        if entry is None:
             continue
         # Check the form of the name; the models are not read yet.
         try:
@@ -374,7 +597,32 @@ def _read_vary(value: Value) -> ParameterSweep | None:
         value.fault("random parameters require `samples`; add the number of samples")
     if samples and not random:
         samples.fault("can only be used with a random parameter; remove it")
-    return ParameterSweep(grids, random, section.read("samples") or 0, section.read("seed") or 0)
+    correlation = section.get("correlation")
+    if correlation:
+        keys = replace(_CORRELATION, make=partial(_correlation, random=random))
+        correlation = correlation._replace(type=keys)
+    return ParameterSweep(
+        grids,
+        random,
+        section.read("samples") or 0,
+        section.read("seed") or 0,
+        correlation=correlation.read() if correlation else None,
+    )
+
+
+def _correlation(
+    value: Value, random: Mapping[str, Distribution], **entries: Any
+) -> Correlation | None:
+    """Return the correlation that a key of the campaign file defines, for random parameters with
+    known distributions; None if it is invalid. In this case an error is recorded in the document.
+    """
+    try:
+        correlation = Correlation(entries["parameters"], entries["matrix"], entries["of"] or RANKS)
+        correlation.of_scores(random)
+    except UsageError as error:
+        value.fault(str(error))
+        return None
+    return correlation
 
 
 def _values(entry: Value, name: str) -> tuple[float, ...]:

@@ -411,6 +411,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         A time step does not fit a record.
     """
     motions, notes = inputs.motions, list[str]()
+    if campaign.sweep and campaign.sweep.correlation:
+        notes.append(campaign.sweep.correlation.note)
     buildings, levels = _buildings(campaign, inputs, notes), _levels(campaign, inputs)
     # Report records that the shortest duration of the analyses cuts off. The duration of the
     # campaign has precedence over the durations of the models; None is no limit.

@@ -107,6 +107,7 @@ def building_damages(
     # All types have damage states of the same demand, so that one column of the runs is sufficient.
     column = _COLUMNS[DEMANDS[(common_states or next(iter(types.values()))).demand].quantity]
     names = store.buildings() if common_states else {}
+    is_varied = bool(common_states and store.varied())
     query = (
         f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2, motion, "
         "level FROM run_rows"
@@ -117,10 +118,10 @@ def building_damages(
     for number, rows_of_building in groupby(all_rows, key=itemgetter(0)):
         rows = list(rows_of_building)
         # Common states are thresholds of the maximum drift ratio, which is a value of the runs
-        # (divisor 1). Each building is a separate type.
+        # (divisor 1). Each building is a separate type, together with its variations.
         if common_states:
             building, divisor, period = names[number][0], 1.0, store.period(number) or math.nan
-            type_name = building
+            type_name = building.rpartition(": ")[0] if is_varied else building
         else:
             building, type_name, divisor, period = store.building_type(number)
         states = common_states or types[type_name]

@@ -55,6 +55,7 @@ from tdint.studies.fragility.measures import (
 from tdint.studies.motions.outcomes import (
     demands_of_motions,
     first_runs,
+    indices_of,
     outcomes_of,
     outcomes_of_motions,
     with_outcomes,
@@ -409,10 +410,14 @@ def _fit_capacity_rows(
     """
     censored = np.array(table.truths("censored"))
     motion = motions_if_known(table)
+    draw = indices_of(table.texts("draw")) if table.has("draw") else None
 
     def fit_selected(is_selected: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        """Fit a function to the capacities that a mask selects."""
-        return [fit_capacities(capacity[is_selected], censored[is_selected].tolist())]
+        """Fit a function to the capacities that a mask selects; the error if it is impossible."""
+        try:
+            return [fit_capacities(capacity[is_selected], censored[is_selected].tolist())]
+        except AnalysisError as error:
+            return [error]
 
     def fit(threshold_rows: NDArray[np.bool_]) -> Fragility:
         """Fit a function to the rows of a threshold, which a mask of all rows selects. Rows that
@@ -423,8 +428,11 @@ def _fit_capacity_rows(
         has_repeated_motion = motion is not None and np.unique(motion[is_used]).size < np.sum(
             is_used
         )
-        (function,) = over_motions(fit_selected, is_used, motion if has_repeated_motion else None)
-        assert isinstance(function, Fragility)
+        (function,) = over_motions(
+            fit_selected, is_used, motion if has_repeated_motion else None, draw
+        )
+        if isinstance(function, AnalysisError):
+            raise function
         if motion is not None:
             function = replace(function, motions=np.unique(motion[is_used]).size)
         # Each known (not censored) capacity counts as an exceedance. `within` regards the median as
@@ -508,8 +516,8 @@ def _suite_runs(table: CsvTable, request: FragilityRequest) -> tuple[SuiteRuns, 
         table.only("building")
     except ModelError as error:
         raise ModelError(
-            f"{error}, or fit functions of each building of a campaign's directory with "
-            "--by building"
+            f"{error}, or fit functions of a campaign's directory: of each building with --by "
+            "building, or of all variations of a model together with --by type"
         ) from None
     column, *names = _intensity_column(table, request)
     im = np.array(table.numbers(column, empty=True))
@@ -588,6 +596,8 @@ class SuiteRuns:
         True if the intensities are the levels of a campaign: a cloud must then be requested.
     censored : ndarray of bool | None
         True for demands known only to be above their value; None if all are known.
+    draw : ndarray of int | None
+        Draw of the properties of the buildings; None without draws.
     """
 
     im: Array
@@ -597,6 +607,7 @@ class SuiteRuns:
     names: tuple[str, str]
     has_levels: bool = False
     censored: NDArray[np.bool_] | None = None
+    draw: NDArray[np.intp] | None = None
 
 
 def fit_states(
@@ -662,7 +673,10 @@ def fit_states(
     is_kept = has_result & ((runs.demand >= request.edp_range[0]) | (selected_fit == STRIPES))
     result: list[Fragility | AnalysisError] = []
     for state_fit, median, probabilities in zip(
-        over_motions(fit, is_kept, runs.motion), medians.tolist(), exceeding, strict=True
+        over_motions(fit, is_kept, runs.motion, runs.draw),
+        medians.tolist(),
+        exceeding,
+        strict=True,
     ):
         if isinstance(state_fit, Fragility):
             named = state_fit.named(median, *runs.names)

@@ -20,7 +20,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import DamageStates
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.studies.fragility.building_damage import (
     BuildingDamage,
     building_damages,
@@ -64,13 +64,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     OutputError
         The store cannot be read.
     """
-    # The damage states of a campaign depend on the building type. A requested threshold would apply
-    # to all types, so it is allowed only for functions by building.
-    if request.thresholds and by == TYPE:
-        raise UsageError(
-            "--threshold cannot be used with functions by type, which use the damage states of the "
-            "campaign; omit --threshold"
-        )
     if request.fit == IDA:
         raise UsageError(
             f"--fit ida cannot be used with functions by {by}, which are fitted to runs; use --fit "
@@ -79,9 +72,17 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     requested_states = _requested_states(request)
     with open_existing(folder) as store:
         check_chunks(store)
+        # The damage states of a campaign depend on the building type. A requested threshold applies
+        # to each building, or to all variations of a building.
+        has_draws = by == TYPE and bool(store.varied())
+        if request.thresholds and by == TYPE and not has_draws:
+            raise UsageError(
+                "--threshold cannot be used with functions by type, which use the damage states of "
+                "the campaign; omit --threshold"
+            )
         if not (store.damage() or requested_states):
             remedy = "add `damage` to its file and run it again"
-            more = ", or specify --threshold" if by == BUILDING else ""
+            more = ", or specify --threshold" if by == BUILDING or has_draws else ""
             raise UsageError(f"{folder}: this campaign has no damage states; {remedy}{more}")
         measure = measure_of_campaign(store, request.measure)
         intensities = RunIntensities(store, folder, measure)
@@ -95,7 +96,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         collectors: dict[str, _RunCollector] = {}
         for damage in building_damages(store, requested_states):
             name = damage.type if by == TYPE else damage.building
-            collector = collectors.setdefault(name, _RunCollector(damage.states))
+            collector = collectors.setdefault(name, _RunCollector(damage.states, has_draws))
             collector.add(damage, intensities.of(damage), motion_of_record, rule)
     fits: list[Fragility | AnalysisError] = []
     for name in sorted(collectors):
@@ -117,10 +118,21 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
                 )
             )
     failed = sum(collector.failed for collector in collectors.values())
-    warnings = (f"{folder}: omitted {pluralize(failed, 'run')} without a result",) if failed else ()
+    warnings = [f"{folder}: omitted {pluralize(failed, 'run')} without a result"] if failed else []
+    if has_draws and request.modeling_dispersion:
+        warnings.append(
+            f"{folder}: beta contains the dispersion between the draws of `vary`; the modeling "
+            "dispersion must not contain it again"
+        )
     result = FragilityResult.of(fits, *warnings)
-    notes = (*filter(None, [intensities.note]), *notes_of_fits(result, request, rule))
-    return replace(result, notes=notes)
+    notes = [*filter(None, [intensities.note]), *notes_of_fits(result, request, rule)]
+    unknown = [f"{f.type}, {f.state}" for f in result.functions if has_draws and not f.draws_text]
+    if unknown:
+        notes.append(
+            f"the dispersions within and between draws are unknown ({abbreviate(unknown, 4)}), "
+            "because a draw alone determines no function; add intensity levels or motions"
+        )
+    return replace(result, notes=tuple(notes))
 
 
 def _requested_states(request: FragilityRequest) -> DamageStates | None:
@@ -147,17 +159,22 @@ class _RunCollector:
 
     Attributes
     ----------
+    has_draws : bool
+        True if the buildings are variations, which differ by their draws.
     periods : tuple of two floats
         Minimum and maximum first period of the buildings, s.
     """
 
     states: DamageStates
+    has_draws: bool = False
     failed: int = 0
     periods: tuple[float, float] = (math.inf, 0.0)
     im: array[float] = field(default_factory=lambda: array("d"))
     demand: array[float] = field(default_factory=lambda: array("d"))
     motion: array[int] = field(default_factory=lambda: array("q"))
     weight: array[float] = field(default_factory=lambda: array("d"))
+    draw: array[int] = field(default_factory=lambda: array("q"))
+    _draws: dict[str, int] = field(default_factory=dict)
 
     def add(
         self,
@@ -181,11 +198,14 @@ class _RunCollector:
             motion_of_record[record] if motion_of_record else sample
             for record, _, sample in damage.keys
         ]
+        # The name of a variation ends with its label.
+        draw = self._draws.setdefault(building.building.rpartition(": ")[2], len(self._draws))
         columns = (
             (self.im, im),
             (self.demand, with_outcomes(damage.demand, outcomes_of(damage.status))),
             (self.motion, np.array(motions, np.int64)),
             (self.weight, np.full(im.size, damage.equal)),
+            (self.draw, np.full(im.size, draw)),
         )
         for column, values in columns:
             column.frombytes(values[is_used].tobytes())
@@ -208,4 +228,5 @@ class _RunCollector:
             np.frombuffer(self.weight, np.float64),
             (measure.label(shortest if is_same_period else None), unit),
             has_levels=measure.column == LEVEL,
+            draw=np.frombuffer(self.draw, np.int64) if self.has_draws else None,
         )

@@ -250,6 +250,9 @@ class Fragility(Described):
     error_method : str
         Method of the standard errors: `jackknife`, `information` or `normal`; empty if they are
         unknown.
+    beta_within, beta_between : float
+        Root mean square of the beta of each draw of the properties, and standard deviation of the
+        logarithm of its theta; nan without draws, or if a draw alone determines no function.
     points : Points | None
         Observations for figures.
     cloud : CloudPoints | None
@@ -280,6 +283,8 @@ class Fragility(Described):
     pair_demand: str = ""
     motions: int = 0
     error_method: str = ""
+    beta_within: float = math.nan
+    beta_between: float = math.nan
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
@@ -290,6 +295,13 @@ class Fragility(Described):
         return f"by {self.fit}: theta {self.theta:.4g} {self.unit}, beta {self.beta:.4g}"
 
     is_drift_ratio: bool = False
+
+    @property
+    def draws_text(self) -> str:
+        """Clause on the dispersions of the draws of the properties; empty without draws."""
+        if math.isnan(self.beta_within):
+            return ""
+        return f"beta within draws {self.beta_within:.3g}, between draws {self.beta_between:.3g}"
 
     @property
     def theta_error(self) -> float:

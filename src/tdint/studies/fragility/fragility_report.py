@@ -168,14 +168,22 @@ def _risk_parts(functions: Sequence[Fragility]) -> tuple[Part, ...]:
 def _dispersion(functions: Sequence[Fragility]) -> list[str]:
     """Return a statement on the dispersion due to the uncertainty of the model."""
     modeling = functions[0].modeling_dispersion
-    if not modeling:
-        return [
+    texts = []
+    if any(function.draws_text for function in functions):
+        texts = [
+            "beta is the dispersion over ground motions and draws of the properties together; "
+            "beta_within is that of one draw, beta_between that of the medians of the draws."
+        ]
+    elif not modeling:
+        texts = [
             "beta is the record-to-record dispersion; the uncertainty of the model is not included."
         ]
-    return [
-        f"total beta includes a modeling dispersion of {number_text(modeling, 3)}: the root of the "
-        "sum of squares."
-    ]
+    if modeling:
+        texts.append(
+            f"total beta includes a modeling dispersion of {number_text(modeling, 3)}: the root of "
+            "the sum of squares."
+        )
+    return texts
 
 
 def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:

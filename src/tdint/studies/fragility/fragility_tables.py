@@ -156,6 +156,18 @@ COUNTED = tuple(
 )
 """Last columns: counts in bins of the intensity."""
 
+DRAWS = (
+    Column.named(
+        "beta_within",
+        "root mean square of the beta of each draw of the properties alone; beta is that of all "
+        "draws together; empty if a draw alone determines no function",
+    ),
+    Column.named(
+        "beta_between", "standard deviation of ln theta of the draws; empty like beta_within"
+    ),
+)
+"""Columns of functions of several draws of the properties of a building."""
+
 FRAGILITY_TOTAL = Column.named(
     "beta_total", "beta including the modeling dispersion (--modeling-dispersion)"
 )
@@ -239,6 +251,7 @@ def fragility_table(
         *FRAGILITY,
         *(CLOUD if any(function.cloud for function in functions) else ()),
         *(FAILED if has_failed_runs else ()),
+        *(DRAWS if any(function.draws_text for function in functions) else ()),
         *((FRAGILITY_TOTAL,) if total else ()),
         *(_of("risk", RISK) if functions[0].risk else ()),
         *(_of("total_risk", RISK_TOTAL) if functions[0].total_risk else ()),
@@ -265,6 +278,8 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
         ("beta_low", lambda function: function.beta_interval[0]),
         ("beta_high", lambda function: function.beta_interval[1]),
     ]
+    if any(function.draws_text for function in functions):
+        numbers += [(column.name, column.name) for column in DRAWS]
     if any(function.modeling_dispersion for function in functions):
         numbers.append(("total_beta", "beta_total"))
     numbers.append(("motions", lambda function: function.motions or function.runs))

@@ -491,10 +491,13 @@ form a group. Fits of this number of runs to a cloud need several seconds."""
 
 
 def over_motions(
-    fit: Fit, is_used: NDArray[np.bool_], motion: NDArray[np.intp] | None
+    fit: Fit,
+    is_used: NDArray[np.bool_],
+    motion: NDArray[np.intp] | None,
+    draw: NDArray[np.intp] | None = None,
 ) -> list[Fragility | AnalysisError]:
     """Fit fragility functions, and estimate the covariance of ln theta and beta by a jackknife over
-    ground motions.
+    ground motions, and the dispersions within and between draws of the properties.
 
     Parameters
     ----------
@@ -504,6 +507,8 @@ def over_motions(
         True for the runs that are used in the fit.
     motion : ndarray of int, shape (n,), or None
         Ground motion of each run. If None, the covariance of the fit is kept.
+    draw : ndarray of int, shape (n,), optional
+        Draw of the properties of the building in each run; by default there are no draws.
 
     Returns
     -------
@@ -512,6 +517,13 @@ def over_motions(
         permit a fit.
     """
     fits = fit(is_used)
+    if draw is not None:
+        draws = np.unique(draw[is_used])
+        fits_of_draws = [fit(is_used & (draw == number)) for number in draws]
+        fits = [
+            _with_draws(function, of_draws)
+            for function, of_draws in zip(fits, zip(*fits_of_draws, strict=True), strict=True)
+        ]
     if motion is None:
         return fits
     # Groups with about equal numbers of ground motions: ground motion i of m, in ascending order,
@@ -540,6 +552,21 @@ def over_motions(
             )
         results.append(function)
     return results
+
+
+def _with_draws(
+    function: Fragility | AnalysisError, of_draws: Sequence[Fragility | AnalysisError]
+) -> Fragility | AnalysisError:
+    """Return a function with the dispersions within and between draws, from the functions of the
+    single draws; without them if there is only one draw, or a draw determines no function."""
+    fitted = [item for item in of_draws if isinstance(item, Fragility)]
+    if isinstance(function, AnalysisError) or not 1 < len(fitted) == len(of_draws):
+        return function
+    return replace(
+        function,
+        beta_within=math.sqrt(np.mean([item.beta**2 for item in fitted])),
+        beta_between=float(np.std([math.log(item.theta) for item in fitted], ddof=1)),
+    )
 
 
 def _jackknife_covariance(estimates: Sequence[tuple[float, float]]) -> Array:
