@@ -244,9 +244,7 @@ def test_an_option_without_effect_is_refused(working_directory, tdint, name, par
     inputs = [] if parameter.needs == "RECORD" else INPUTS.get(name, ["x.csv"])
     call = [name, *inputs, *REQUIRED.get(name, [])]
     call += (
-        {"--period": ["--im", "pga"], "--damping": ["--im", "pga"]}.get(option, [])
-        if name == "ida"
-        else []
+        ["--im", "pga"] if name == "ida" and option in ("--period", "--damping", "--p695") else []
     )
     call += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {
@@ -254,6 +252,7 @@ def test_an_option_without_effect_is_refused(working_directory, tdint, name, par
         "--damping": "0.1", "--floor-damping": "0.1", "--hardening": "0.1",
         "--style": "90mm", "--report-head": "Project: bridge",
         "--pairs": "{}_N.txt,{}_E.txt",
+        "--p695": "smt=1g,ductility=4,sdc=Dmax,dr=good,td=good,mdl=fair",
     }.get(option)  # fmt: skip
     result = tdint(*call, option, *([value] if value else valid_value(parameter)), code=2)
     expected = (
@@ -359,7 +358,7 @@ VALUES = {
     "--cache": "", "--plot": "--plot=p.png", "--changed": "--changed -o out",
     "--output": "out", "--history-every": "2 --history=h.csv", "--openquake": "f.xml",
     "--history": "--history=h.csv", "--tolerance": "1%",
-    "--filter-order": "2 --highpass 1",
+    "--filter-order": "2 --highpass 1", "--allow-outside": "--allow-outside --hazard h.csv",
 }  # fmt: skip
 
 

@@ -136,7 +136,7 @@ class Acceptance:
         UsageError
             A value is missing, unknown or outside its range.
         """
-        values = parse_named("p695", text, _PARAMETERS, _EXAMPLE)
+        values = parse_named("--p695", text, _PARAMETERS, _EXAMPLE)
         return cls(
             parse_with_unit(values["smt"], "acceleration", "1.5g", "smt"),
             number_or_nan(values["ductility"]),
