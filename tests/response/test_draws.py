@@ -7,6 +7,7 @@ import pytest
 
 import tdint
 from tdint.errors import TdintError, UsageError
+from tdint.response.run_plan import RunsRequest
 
 DRAWS = 9
 SOURCE = np.random.default_rng(5)
@@ -74,6 +75,30 @@ CASES = {
             "stories.dashpot.linear_below": near(0.01),
         },
     ),
+    "relief valves with braces": (
+        tdint.load_model(
+            {
+                "stories": [
+                    {
+                        **STORY,
+                        "repeat": 2,
+                        "dashpot": {
+                            "coefficient": 5e6,
+                            "exponent": 1.0,
+                            "brace": 1e9,
+                            "relief": {"force": 2e5, "ratio": 0.1},
+                        },
+                    }
+                ],
+                "damping": {"rayleigh": {"ratio": 0.02, "modes": [1]}},
+            }
+        ),
+        {
+            "stories[2].dashpot.brace": near(1e9),
+            "stories[1].dashpot.relief.force": near(2e5),
+            "damping": near(0.02),
+        },
+    ),
     "P-delta, seven stories": (
         tdint.load_model(
             {"stories": [{**STORY, "repeat": 7, "law": BILINEAR}], "damping": "3%", "p_delta": True}
@@ -136,6 +161,19 @@ def test_sample_equals_building_made_by_replace(name):
     assert len({*drawn.stories.peak_drift[:, 0].tolist()}) >= 6
     for key, column in values.items():
         np.testing.assert_array_equal(drawn.varied[key], np.repeat(column, 2))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_samples_are_prepared_in_one_batch(name, monkeypatch):
+    building, values = CASES[name]
+    prepared, varied = [], RunsRequest.varied
+    monkeypatch.setattr(
+        RunsRequest, "varied", lambda *key: prepared.append(key) or varied(*key), raising=True
+    )
+    runs = tdint.run_many(building, SHORT, vary=values, method="impulse4", jobs=1)
+    assert set(runs.status) == {"done"}
+    # A dashpot that only some samples have changes the flags of the time loop.
+    assert len(prepared) == (DRAWS if name == "dashpots that some draws have" else 1)
 
 
 @pytest.mark.parametrize(

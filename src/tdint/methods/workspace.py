@@ -175,11 +175,12 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
     collapse_drift : float
         Drift ratio above which a story has collapsed.
     """
-    limits = np.empty((rows.LIMIT_ROWS, building.stories))
+    limits = np.empty((rows.LIMIT_ROWS, *building.story_laws.shape[1:]))
     limits[rows.LIMIT] = collapse_drift
     limits[rows.HEIGHT] = building.heights
-    # INTERNAL of a story with elements is 1 if all elements have failed.
-    codes = building.story_laws[rows.CODE].tolist()
+    # INTERNAL of a story with elements is 1 if all elements have failed. All samples have the same
+    # laws.
+    codes = building.story_laws[rows.CODE].reshape(-1, building.stories)[0].tolist()
     limits[rows.FAILED] = [1.0 if code <= rows.ELEMENTS else LAWS[code].failed for code in codes]
     limits[rows.HIGH_LIMIT], limits[rows.LOW_LIMIT] = building.resistance_limits
     if building.branched:

@@ -4,9 +4,10 @@ system."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.kernels.laws import LINEAR
 from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.laws.fracture import FRACTURING
+from tdint.kernels.laws.law import DriftLaw
 from tdint.model.damping import (
     add_damping,
     falling_message,
@@ -36,7 +38,7 @@ from tdint.model.modes import (
     solve_complex_modes,
 )
 from tdint.model.story import Story, column_name, is_linear
-from tdint.model.story_laws import CODES, LAWS, Law
+from tdint.model.story_laws import CODES, LAWS, Law, of_samples
 from tdint.model.topology import GROUND, incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
@@ -58,7 +60,8 @@ class Building:
     ----------
     linear_terms, law_parameters : ndarray, shapes (LINEAR_TERM_ROWS, n + 1) and (rows, n + 1)
         Tables of numbers, one row for each quantity of `tdint.kernels.layout` and one column for
-        each story; the last column is zero.
+        each story; the last column is zero. A building of many samples (`assemble`) has a further
+        axis for the samples between both, also in `modal` and before the stories in other arrays.
     modal : ndarray, shape (modes, n + 1)
         Rows w of the modal damping C = sum of w w^T; no rows without modal damping.
     heights : ndarray, shape (n,)
@@ -124,7 +127,7 @@ class Building:
     @property
     def mass(self) -> Array:
         """Masses of the floors and attachments, kg, shape (masses,)."""
-        return self.linear_terms[rows.MASS, : self.masses]
+        return self.linear_terms[rows.MASS, ..., : self.masses]
 
     @property
     def device_columns(self) -> slice:
@@ -164,7 +167,8 @@ class Building:
     @property
     def initial_stiffness(self) -> Array:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
-        return np.asarray(self.story_laws[rows.STIFFNESS] + self.linear_terms[rows.GEOMETRIC, :-1])
+        geometric = self.linear_terms[rows.GEOMETRIC, ..., :-1]
+        return np.asarray(self.story_laws[rows.STIFFNESS] + geometric)
 
     def rest_distance(self, law_state: Array) -> tuple[Array, Array]:
         """Return the distance of each drift from its position of rest, where the story has no
@@ -188,7 +192,7 @@ class Building:
     @property
     def story_laws(self) -> Array:
         """Columns of `law_parameters` of the stories, without the elements: views of the table."""
-        return np.asarray(self.law_parameters[:, : self.stories])
+        return np.asarray(self.law_parameters[..., : self.stories])
 
     @cached_property
     def law_codes(self) -> set[float]:
@@ -265,7 +269,7 @@ class Building:
         """Return forces along the dampers from their forces in the direction of the drift, N."""
         if not self.damped_by_devices:
             return force
-        factor = self.linear_terms[rows.DAMPER_FACTOR, :-1]
+        factor = self.linear_terms[rows.DAMPER_FACTOR, ..., :-1]
         return np.asarray(np.divide(force, factor, out=np.array(force), where=factor != 1.0))
 
     def peak_damper_force(self, peaks: Array) -> Array:
@@ -284,7 +288,7 @@ class Building:
         """
         if not self.damped_by_devices:
             return np.zeros_like(rate)
-        terms = self.linear_terms[:, :-1]
+        terms = self.linear_terms[..., :-1]
         squared_rate = rate**2 + terms[rows.THRESHOLD]
         # The exponent may be negative, for which the power of zero is infinite. The force of a
         # story at rest is zero.
@@ -326,37 +330,36 @@ class Building:
         infinite without such a drift."""
         stories = range(self.stories)
         return (
-            np.array([self._resistance_limit(i, 1.0) for i in stories]),
-            np.array([-self._resistance_limit(i, -1.0) for i in stories]),
+            np.array([self._resistance_limit(i, 1.0) for i in stories]).T,
+            np.array([-self._resistance_limit(i, -1.0) for i in stories]).T,
         )
 
-    def _resistance_limit(self, i: int, side: float) -> float:
+    def _resistance_limit(self, i: int, side: float) -> Any:
         """Return the drift on a side beyond which a story has no resistance, m.
 
         The last lines of its law, or of all its elements, and P-delta have no force together at
         that point. It is infinite if no line falls, or if a law has no last line.
         """
-        table = self.law_parameters
-        columns = (
-            range(int(table[rows.FIRST_ELEMENT, i]), int(table[rows.END_ELEMENT, i]))
-            if table[rows.CODE, i] <= rows.ELEMENTS
-            else (i,)
+        table, geometric = self.law_parameters, self.linear_terms[rows.GEOMETRIC, ..., i]
+        if table.ndim > 2:  # of many samples, without elements
+            law = NUMBERED_LAWS[float(table[rows.CODE, 0, i])]
+            columns = zip(*table[rows.STIFFNESS :, :, i].tolist(), strict=True)
+            lines = (law.last_line(k, values, side) for k, _, _, *values in columns)
+            return np.array(list(map(_limit_of_lines, zip(lines), geometric.tolist())))
+        has_elements = table[rows.CODE, i] <= rows.ELEMENTS
+        first = int(table[rows.FIRST_ELEMENT, i]) if has_elements else i
+        end = int(table[rows.END_ELEMENT, i]) if has_elements else i + 1
+        springs = table[:, first:end].T.tolist()
+        return _limit_of_lines(
+            (
+                NUMBERED_LAWS[code].last_line(stiffness, values, side)
+                for code, stiffness, _, _, *values in springs
+            ),
+            float(geometric),
         )
-        force, slope = 0.0, float(self.linear_terms[rows.GEOMETRIC, i])
-        has_falling_line = False
-        for column in columns:
-            numbers = table[:, column].tolist()
-            law, stiffness = NUMBERED_LAWS[numbers[rows.CODE]], numbers[rows.STIFFNESS]
-            line = law.last_line(stiffness, numbers[rows.FIRST_PARAMETER :], side)
-            if line is None:
-                return math.inf
-            force += line[0]
-            slope += line[1]
-            has_falling_line |= line[1] < 0.0
-        return force / -slope if has_falling_line and slope < 0.0 else math.inf
 
     @cached_property
-    def fastest(self) -> float:
+    def fastest(self) -> Any:
         """Upper bound of the circular frequencies of the initial stiffness, rad/s.
 
         The bound exceeds the highest frequency by 1 to 2 %. Let K be the stiffness matrix with the
@@ -371,21 +374,21 @@ class Building:
             return self.frequency_bound(self.initial_stiffness)
         # Row i of K has the entry `below` for the floor below and `above` for the floor above. The
         # last spring is above the roof and has no stiffness.
-        springs = np.append(np.abs(self.initial_stiffness), 0.0)
-        link = self.linear_terms[rows.LINK]
-        below, above = link[:-1] * springs[:-1], link[1:] * springs[1:]
-        shape, bound = np.ones(self.stories), math.inf
+        stiffness = np.abs(self.initial_stiffness)
+        above = np.zeros_like(stiffness)
+        above[..., :-1] = (self.linear_terms[rows.LINK, ..., :-1] * stiffness)[..., 1:]
+        shape, bound = np.ones(self.stories), np.inf
         for _ in range(_BOUND_ITERATIONS):
-            product = (springs[:-1] + above) * shape
-            product[1:] += below[1:] * shape[:-1]
-            product[:-1] += above[:-1] * shape[1:]
+            product = (stiffness + above) * shape
+            product[..., 1:] += above[..., :-1] * shape[..., :-1]
+            product[..., :-1] += above[..., :-1] * shape[..., 1:]
             product /= self.mass
-            bound = min(bound, float(np.max(product / shape)))
-            if bound == 0.0:  # no story has stiffness
+            bound = np.minimum(bound, np.max(product / shape, axis=-1))
+            if not np.all(bound):  # no story has stiffness
                 break
             # The small number keeps all entries of x positive, as the bound requires.
-            shape = product / np.max(product) + _SMALL_ORDINATE
-        return math.sqrt(bound)
+            shape = product / np.max(product, axis=-1, keepdims=True) + _SMALL_ORDINATE
+        return np.sqrt(bound)
 
     def frequency_bound(self, stiffness: Array) -> float:
         """Return an upper bound of the circular frequencies with these stiffnesses of the stories
@@ -534,6 +537,19 @@ class Building:
         return result
 
 
+def _limit_of_lines(lines: Iterable[tuple[float, float] | None], geometric: float) -> float:
+    """Return the drift where the last lines of the springs of a story and P-delta (`geometric`,
+    N/m) have no force together, m; infinite if no line falls, or if a law has no last line."""
+    force, slope, has_falling_line = 0.0, geometric, False
+    for line in lines:
+        if line is None:
+            return math.inf
+        force += line[0]
+        slope += line[1]
+        has_falling_line |= line[1] < 0.0
+    return force / -slope if has_falling_line and slope < 0.0 else math.inf
+
+
 def period(omega: float) -> float:
     """Return the period of a circular frequency (rad/s), s; infinite for 0."""
     return 2.0 * math.pi / omega if omega else math.inf
@@ -561,8 +577,23 @@ def _without_links(linear_terms: Array, values: Array, stiffness: Array | None =
     return np.asarray(values[~is_link | ((values if stiffness is None else stiffness) != 0.0)])
 
 
-def assemble(model: Model) -> Building:
+def over_stories(numbers: Iterable[Any]) -> Array:
+    """Return the numbers of stories, which can be arrays over samples, as an array with the stories
+    as the last axis."""
+    items = list(numbers)
+    if any(isinstance(item, np.ndarray) for item in items):
+        return np.stack(np.broadcast_arrays(*items), axis=-1)
+    return np.array(items, float)
+
+
+def assemble(model: Model, samples: tuple[int, ...] = ()) -> Building:
     """Assemble the arrays of the building of a model, including its damping.
+
+    Parameters
+    ----------
+    samples : tuple of int
+        Number of the samples of a model with arrays over samples (`Model.changed`): a chain of
+        stories with one law each, without isolators, fractures and tangent damping.
 
     Raises
     ------
@@ -577,7 +608,7 @@ def assemble(model: Model) -> Building:
         )
     if model.matrices is not None:
         return _assemble_linear(model)
-    building = _assemble_springs(model)
+    building = _assemble_springs(model, samples)
     if not model.has_inertance:
         return building
     if labels := [label for label, spring in model.springs if not is_linear(spring)]:
@@ -629,7 +660,7 @@ def _with_inerters(building: Building, model: Model) -> Building:
     return replace(building, system=system, vibration=vibration)
 
 
-def _assemble_springs(model: Model) -> Building:
+def _assemble_springs(model: Model, samples: tuple[int, ...]) -> Building:
     """Assemble the arrays of a building of springs, without its inerters."""
     stories, ends = springs_of(model)
     n, floors = len(stories), len(model.stories)
@@ -638,25 +669,23 @@ def _assemble_springs(model: Model) -> Building:
             if spring := falling_spring(story):
                 raise ModelError(f"{model.name}: {falling_message(spring.law.name, i + 1)}")
     # The last column is a fictitious story above the roof and remains zero.
-    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, *samples, n + 1))
     masses = floors + len(model.attachments)  # links have no mass
-    linear_terms[rows.MASS, :n] = [story.mass for story in stories]
+    linear_terms[rows.MASS, ..., :n] = over_stories(story.mass for story in stories)
     # An inerter replaces the mass of an attachment.
     has_mass = linear_terms[rows.MASS] > 0.0
     linear_terms[rows.INVERSE_MASS, has_mass] = 1.0 / linear_terms[rows.MASS, has_mass]
     # DASHPOT contains only the dashpots of the model. STORY_DAMPER is the sum of all linear dampers
     # of a story: `add_damping` adds Rayleigh damping to STORY_DAMPER.
     # The force and the drift rate of an inclined dashpot are multiplied by its factor.
-    linear_terms[rows.STORY_DAMPER, :n] = linear_terms[rows.DASHPOT, :n] = [
-        story.dashpot * story.damper_factor**2 for story in stories
-    ]
+    dashpots = over_stories(story.dashpot * story.damper_factor**2 for story in stories)
+    linear_terms[rows.STORY_DAMPER, ..., :n] = linear_terms[rows.DASHPOT, ..., :n] = dashpots
     for i, story in enumerate(stories):
-        linear_terms[rows.DAMPER_FACTOR, i] = story.damper_factor
+        linear_terms[rows.DAMPER_FACTOR, ..., i] = story.damper_factor
         if story.power_dashpot is not None:
             for row, number in dashpot_rows(story.power_dashpot, story.damper_factor):
-                linear_terms[row, i] = number
-        if _can_stiffen(story):
-            linear_terms[rows.STIFFENING, i] = rows.UNLIMITED
+                linear_terms[row, ..., i] = number
+        linear_terms[rows.STIFFENING, ..., i] = rows.UNLIMITED * _can_stiffen(story)
     for i in range(floors, n):
         own_law = stories[i].law
         end_masses = [stories[end].mass for end in ends[i] if end != GROUND]
@@ -664,29 +693,31 @@ def _assemble_springs(model: Model) -> Building:
         linear_terms[rows.TANGENT_DAMPING, i] = LAWS[own_law.name].tangent_damping(
             own_law.parameters, mass
         )
-    store_ends(linear_terms, ends)
-    heights = np.array(
-        [math.nan if story.drift_height is None else story.drift_height for story in stories]
+    store_ends(np.moveaxis(linear_terms, -1, 1), ends)
+    heights = over_stories(
+        math.nan if story.drift_height is None else story.drift_height for story in stories
     )
     if model.has_p_delta:
-        linear_terms[rows.GEOMETRIC, :floors] = -weight_over_height(model)
-    law_parameters, yield_drift = _law_table(stories)
+        linear_terms[rows.GEOMETRIC, ..., :floors] = -weight_over_height(model)
+    law_parameters, yield_drift = _law_table(stories, samples)
     # P-delta (the row GEOMETRIC, negative) reduces the stiffness of the vibration.
     vibration = FreeVibration(
-        linear_terms[rows.MASS, :floors],
-        law_parameters[rows.STIFFNESS, :floors] + linear_terms[rows.GEOMETRIC, :floors],
-        linear_terms[rows.LINK, :floors],
-        linear_terms[rows.GEOMETRIC, :floors],
+        linear_terms[rows.MASS, ..., :floors],
+        law_parameters[rows.STIFFNESS, ..., :floors] + linear_terms[rows.GEOMETRIC, ..., :floors],
+        linear_terms[rows.LINK, ..., :floors],
+        linear_terms[rows.GEOMETRIC, ..., :floors],
     )
     isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
     # `modal` contains the damping between several floors, such as modal damping. Each row w adds
     # w w^T to the damping matrix. It is a property of the stories: with the modes of a building
     # with attachments, the mode numbers and the damping of the stories would change.
-    stiffness = law_parameters[rows.STIFFNESS, :n]
+    stiffness = law_parameters[rows.STIFFNESS, ..., :n]
     # Only the columns of the stories are changed in the view of the table.
-    damping_rows = add_damping(linear_terms[:, : floors + 1], stiffness[:floors], model, vibration)
-    modal = np.zeros((len(damping_rows), n + 1))
-    modal[:, : floors + 1] = damping_rows
+    damping_rows = add_damping(
+        linear_terms[..., : floors + 1], stiffness[..., :floors], model, vibration
+    )
+    modal = np.zeros((*damping_rows.shape[:-1], n + 1))
+    modal[..., : floors + 1] = damping_rows
     if n > floors:
         vibration = FreeVibration(
             linear_terms[rows.MASS, :masses],
@@ -743,7 +774,7 @@ def law_columns(stories: Sequence[Story]) -> list[range]:
     return columns
 
 
-def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
+def _law_table(stories: Sequence[Story], samples: tuple[int, ...]) -> tuple[Array, Array]:
     """Return the table of the laws of all stories and elements, and the yield drifts of stories.
 
     The yield drift of a story with elements is the yield drift of the element that yields first.
@@ -755,8 +786,8 @@ def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
     has_elements = any(story.elements for story in stories)
     row_count = max(*counts, rows.END_ELEMENT + 1 - rows.FIRST_PARAMETER if has_elements else 0)
     column_count = len(stories) + 1 + sum(len(story.elements) for story in stories)
-    table = np.zeros((rows.FIRST_PARAMETER + row_count, column_count))
-    yield_drift = np.empty(len(stories))
+    table = np.zeros((rows.FIRST_PARAMETER + row_count, *samples, column_count))
+    yield_drift = np.empty((*samples, len(stories)))
     for i, (story, columns) in enumerate(zip(stories, columns_of_stories, strict=True)):
         if story.elements:
             is_curved = any(LAWS[element.law.name].curved for element in story.elements)
@@ -764,11 +795,11 @@ def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
             table[rows.STIFFNESS, i] = story.stiffness
             table[rows.FIRST_ELEMENT, i], table[rows.END_ELEMENT, i] = columns.start, columns.stop
         for column, spring in zip(columns, story.springs, strict=True):
-            parameters = spring.law.parameters
-            table[: rows.FIRST_PARAMETER + len(parameters), column] = law_column(
-                spring.law, spring.stiffness
+            numbers = law_column(spring.law, spring.stiffness)
+            table[: len(numbers), ..., column] = over_stories(numbers).T.reshape(
+                len(numbers), *(-1 for _ in samples)
             )
-        yield_drift[i] = first_yield_drift(story)
+        yield_drift[..., i] = first_yield_drift(story)
     return table, yield_drift
 
 
@@ -789,14 +820,27 @@ def law_column(law: Law, stiffness: float) -> list[float]:
 def element_yield_drifts(story: Story) -> list[float]:
     """Return the yield drift of each spring of a story, m; nan for a law that does not yield."""
     return [
-        LAWS[spring.law.name].yield_drift(spring.stiffness, spring.law.parameters)
+        of_samples(
+            partial(_yield_drift, LAWS[spring.law.name]),
+            spring.stiffness,
+            *spring.law.parameters,
+        )
         for spring in story.springs
     ]
 
 
+def _yield_drift(law: DriftLaw, numbers: Sequence[float]) -> float:
+    """Return the yield drift of a law, m, from its stiffness and parameters."""
+    stiffness, *parameters = numbers
+    return law.yield_drift(stiffness, parameters)
+
+
 def first_yield_drift(story: Story) -> float:
     """Return the smallest yield drift of the springs of a story, m; nan if no spring yields."""
-    return min((drift for drift in element_yield_drifts(story) if drift == drift), default=math.nan)
+    drifts = element_yield_drifts(story)
+    if len(drifts) == 1:
+        return drifts[0]
+    return min((drift for drift in drifts if drift == drift), default=math.nan)
 
 
 def yield_strength(story: Story) -> float:
@@ -809,16 +853,26 @@ def yield_strength(story: Story) -> float:
 
 def stiffens(story: Story) -> bool:
     """Return True if a story can become stiffer than initially."""
-    return any(LAWS[spring.law.name].stiffens(spring.law.parameters) for spring in story.springs)
+    return any(
+        np.any(of_samples(LAWS[spring.law.name].stiffens, *spring.law.parameters))
+        for spring in story.springs
+    )
 
 
-def _can_stiffen(story: Story) -> bool:
+def _can_stiffen(story: Story) -> Any:
     """Return True if the peak shear of a story can occur at a smaller drift than its peak drift.
 
     This requires a law that stiffens and is not symmetric, or an element that stiffens in addition
     to an element with another law that is not elastic.
     """
     springs = [(LAWS[spring.law.name], spring.law.parameters) for spring in story.springs]
+    if len(springs) == 1 and not any(story.law.fracture):
+        (law, parameters), *_ = springs
+        if law.stiffens is DriftLaw.stiffens:  # the default: False for all parameters
+            return False
+        return of_samples(
+            lambda values: law.stiffens(values) and not law.symmetric(values), *parameters
+        )
     symmetric = all(
         law.symmetric(parameters) or (CODES[law.name] == LINEAR and len(springs) > 1)
         for law, parameters in springs
@@ -834,18 +888,17 @@ def weight_over_height(model: Model) -> Array:
 
     P-delta reduces the stiffness of the story by this value. It is zero in stories without P-delta.
     """
-    mass = np.array([story.mass for story in model.stories])
+    mass = over_stories(story.mass for story in model.stories)
     # An attachment loads its floor; it has no separate P-delta.
     for attachment in model.attachments:
         if attachment.floor:  # not on the ground
-            mass[attachment.floor - 1] += attachment.spring.mass
-    heights = np.array(
-        [
-            (story.height or math.nan) if has_p_delta else math.inf
-            for story, has_p_delta in zip(model.stories, model.p_delta_stories, strict=True)
-        ]
+            mass[..., attachment.floor - 1] += attachment.spring.mass
+    heights = over_stories(
+        (math.nan if story.height is None else story.height) if has_p_delta else math.inf
+        for story, has_p_delta in zip(model.stories, model.p_delta_stories, strict=True)
     )
-    return np.asarray(STANDARD_GRAVITY * np.cumsum(mass[::-1])[::-1] / heights)
+    above = np.cumsum(mass[..., ::-1], axis=-1)[..., ::-1]
+    return np.asarray(STANDARD_GRAVITY * above / heights)
 
 
 def unstable_after_yield(model: Model) -> tuple[str, ...]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from tdint.kernels.laws.law import can_fall
 from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import FreeVibration
 from tdint.model.story import Element, Story
-from tdint.model.story_laws import CODES, LAWS, LINEAR
+from tdint.model.story_laws import CODES, LAWS, LINEAR, of_samples
 from tdint.system import memory
 
 _MATRICES_OF_ALL_MODES = 4
@@ -89,7 +91,7 @@ def add_damping(
     ModelError
         Modal damping of the stories requires more memory than is available.
     """
-    n = linear_terms.shape[1] - 1
+    n = linear_terms.shape[-1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
         # All modes are computed simultaneously; check that the memory is sufficient for their
@@ -101,22 +103,28 @@ def add_damping(
                 f"and this machine has {available / 2**30:.0f} GiB; use damping.rayleigh"
             )
         if not damping.p_delta:
-            link = linear_terms[rows.LINK, :n]
-            vibration = FreeVibration(linear_terms[rows.MASS, :n], stiffness, link)
-        modes, ratios = vibration.modes, np.array(damping.ratios)
+            link = linear_terms[rows.LINK, ..., :n]
+            vibration = FreeVibration(linear_terms[rows.MASS, ..., :n], stiffness, link)
+        modes, ratios = vibration.modes, np.array(damping.ratios).T
         # Compute the rows sqrt(2 xi omega) M phi. The last ratio applies to all further modes.
-        ratios = np.concatenate([ratios, np.full(n - ratios.size, ratios[-1])])
-        damped_modes = np.flatnonzero(ratios)
-        factors = np.sqrt(2.0 * ratios[damped_modes] * modes.omega[damped_modes])
-        modal = np.zeros((damped_modes.size, n + 1))
-        modal[:, :-1] = (
-            linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped_modes] * factors
-        ).T
+        ratios = ratios[..., np.minimum(np.arange(n), ratios.shape[-1] - 1)]
+        damped_modes = np.flatnonzero(ratios.reshape(-1, n)[0])
+        factors = np.sqrt(2.0 * ratios[..., damped_modes] * modes.omega[..., damped_modes])
+        modal = np.zeros((damped_modes.size, *linear_terms.shape[1:]))
+        modal[..., :-1] = np.moveaxis(
+            linear_terms[rows.MASS, ..., :n, None]
+            * modes.shapes[..., damped_modes]
+            * factors[..., None, :],
+            -1,
+            0,
+        )
         return modal
     if isinstance(damping, RayleighRatio):
-        damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
+        damping = _rayleigh_of_samples(
+            damping, [vibration.frequency(mode) for mode in damping.modes]
+        )
     if damping is None:
-        return np.zeros((0, n + 1))
+        return np.zeros((0, *linear_terms.shape[1:]))
     return _add_rayleigh_damping(linear_terms, stiffness, model, damping)
 
 
@@ -133,9 +141,10 @@ def _add_rayleigh_damping(
     With the tangent stiffness, the row TANGENT_DAMPING receives the coefficient of stories with a
     nonlinear law. The tangent stiffness of a linear law is its stiffness.
     """
-    n = stiffness.size
+    n = stiffness.shape[-1]
     has_rayleigh = np.array([story.rayleigh for story in model.stories])
-    dampers = damping.stiffness * np.where(has_rayleigh, stiffness, 0.0)
+    by_mass, by_stiffness = np.array(damping[:2])[..., None]
+    dampers = by_stiffness * np.where(has_rayleigh, stiffness, 0.0)
     if damping.tangent:
         is_nonlinear = np.array(
             [any(spring.law != LINEAR for spring in story.springs) for story in model.stories]
@@ -143,11 +152,11 @@ def _add_rayleigh_damping(
         has_tangent = is_nonlinear & (dampers > 0.0)
         linear_terms[rows.TANGENT_DAMPING, :n] = np.where(has_tangent, damping.stiffness, 0.0)
         dampers = np.where(has_tangent, 0.0, dampers)
-    linear_terms[rows.STORY_DAMPER, :n] += dampers
-    mass = linear_terms[rows.MASS, :n]
+    linear_terms[rows.STORY_DAMPER, ..., :n] += dampers
+    mass = linear_terms[rows.MASS, ..., :n]
     # The sum counts the isolators from the ground up to each story.
     is_below_isolators = np.cumsum(~has_rayleigh) == 0
-    linear_terms[rows.FLOOR_DAMPER, :n] += np.where(is_below_isolators, damping.mass * mass, 0.0)
+    linear_terms[rows.FLOOR_DAMPER, ..., :n] += np.where(is_below_isolators, by_mass * mass, 0.0)
     between_floors = []
     floor_on_isolator = 0
     for floor in np.flatnonzero(~is_below_isolators).tolist():
@@ -159,7 +168,23 @@ def _add_rayleigh_damping(
             row = np.zeros(n + 1)
             row[floor], row[floor_on_isolator] = 1.0, -1.0
             between_floors.append(np.sqrt(damping.mass * mass[floor]) * row)
-    return np.array(between_floors).reshape(len(between_floors), n + 1)
+    return np.array(between_floors).reshape(len(between_floors), *linear_terms.shape[1:])
+
+
+def _rayleigh_of_samples(damping: RayleighRatio, frequencies: list[Any]) -> RayleighCoefficients:
+    """Return the coefficients of `rayleigh`, as arrays if ratios or frequencies are arrays over
+    samples."""
+
+    def coefficients(numbers: Sequence[float]) -> RayleighCoefficients:
+        """Return the coefficients of one sample, from its ratios and frequencies."""
+        count = len(damping.ratios)
+        return rayleigh(damping._replace(ratios=tuple(numbers[:count])), *numbers[count:])
+
+    result = of_samples(coefficients, *damping.ratios, *frequencies)
+    if isinstance(result, RayleighCoefficients):
+        return result
+    mass, stiffness, _ = result.T
+    return RayleighCoefficients(mass, stiffness, damping.tangent)
 
 
 def rayleigh(damping: RayleighRatio, *frequencies: float) -> RayleighCoefficients:

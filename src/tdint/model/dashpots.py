@@ -2,13 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from tdint.kernels import layout as rows
-from tdint.model.story import PowerDashpot
+from tdint.model.story import PowerDashpot, Relief
+from tdint.model.story_laws import of_samples
 
 
-def dashpot_rows(damper: PowerDashpot, factor: float) -> Iterator[tuple[int, float]]:
+def dashpot_rows(damper: PowerDashpot, factor: float) -> Iterator[tuple[int, Any]]:
+    """Yield rows of the linear terms with their numbers for a power-law dashpot (`_numbers`), which
+    are arrays if numbers of the dashpot are arrays over samples."""
+    *of_damper, relief = damper
+
+    def of_sample(values: Sequence[Any]) -> list[tuple[int, float]]:
+        """Return rows and numbers of one sample."""
+        limited = Relief(*values[4:]) if relief else None
+        return list(_numbers(PowerDashpot._make((*values[:4], limited)), factor))
+
+    table = of_samples(of_sample, *of_damper, *(relief or ()))
+    if isinstance(table, list):
+        yield from table
+        return
+    for k, row in enumerate(table[0, :, 0].tolist()):
+        yield int(row), table[:, k, 1]
+
+
+def _numbers(damper: PowerDashpot, factor: float) -> Iterator[tuple[int, float]]:
     """Yield rows of the linear terms with their numbers for a power-law dashpot.
 
     The force of a dashpot without a brace at the drift rate v is c v (v^2 + v0^2)^POWER. For |v|

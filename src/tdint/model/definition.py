@@ -11,14 +11,16 @@ import math
 import pathlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.errors import UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.choice import RecordChoice
+from tdint.kernels.laws.law import DriftLaw
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.model.story import Path, Story, spring_label, story_with_numbers
-from tdint.model.story_laws import LAWS
+from tdint.model.story_laws import LAWS, of_samples
 from tdint.number_parsing import parse_ratio, pluralize
 from tdint.units import SI, OutputUnits
 
@@ -590,6 +592,19 @@ class Model:
         return any(spring.dashpot or spring.power_dashpot for spring in springs)
 
     @property
+    def has_samples(self) -> bool:
+        """True if `assemble` accepts arrays over samples."""
+        is_chain = not (self.devices or self.matrices or self.has_inertance or self.across)
+        return (
+            is_chain
+            and not getattr(self.damping, "tangent", False)
+            and all(
+                story.rayleigh and not story.elements and not any(story.law.fracture)
+                for story in self.stories
+            )
+        )
+
+    @property
     def forces_of_total_shear(self) -> str:
         """Forces that total shears contain in addition to the restoring forces, such as
         `P-delta and viscous forces`; empty if both shears are equal."""
@@ -641,13 +656,15 @@ class Model:
                 raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
         return self.changed(numbers)
 
-    def changed(self, numbers: Mapping[str, float]) -> Model:
+    def changed(self, numbers: Mapping[str, Any]) -> Model:
         """Return the building with changed parameters, like `replace` for numbers only.
 
         Parameters
         ----------
-        numbers : mapping of str to float
-            Values by the names that `vary` of `run_many` accepts, SI units.
+        numbers : mapping of str to float, or to ndarray
+            Values by the names that `vary` of `run_many` accepts, SI units. Arrays over samples,
+            each value in its range, return a building of many samples for `assemble`: its changed
+            numbers are arrays.
 
         Raises
         ------
@@ -671,13 +688,15 @@ class Model:
         has_changed_law: set[int] = set()  # indices of stories with a changed parameter of a law
         set_by_name: set[tuple[int, Path]] = set()
         for name, value in numbers.items():
-            check_value(name, value)
+            if isinstance(value, float):
+                check_value(name, value)
             if name == "damping":
                 damping = damped_by(self, value)
             for change in changes_of(self.name, self.springs, name):
                 if change.is_superseded(set_by_name):
                     continue
-                change.check(name, value)
+                if isinstance(value, float):
+                    change.check(name, value)
                 of_story = changed.setdefault(change.story, {})
                 of_story[change.path] = (
                     of_story.get(change.path, change.number(springs)) * value
@@ -691,15 +710,14 @@ class Model:
             springs[i] = story_with_numbers(springs[i], of_story, i in has_changed_law)
             for spring in springs[i].springs:
                 law = LAWS[spring.law.name]
-                fault = law.fault(spring.stiffness, spring.law.parameters)
-                first_yield = law.yield_drift(spring.stiffness, spring.law.parameters)
-                drifts = [abs(drift) for drift in spring.law.fracture if drift]
-                if not fault and drifts and min(drifts) < first_yield:
-                    fault = (
-                        f"its fracture_drift is {min(drifts):.6g} m and must be at least the yield "
-                        f"drift {first_yield:.6g} m"
-                    )
-                if fault:
+                if law.fault is DriftLaw.fault and not any(spring.law.fracture):
+                    continue
+                faults = of_samples(
+                    partial(_fault, law, spring.law.fracture),
+                    spring.stiffness,
+                    *spring.law.parameters,
+                )
+                if fault := faults if isinstance(faults, str) else max(faults, default=""):
                     is_story = i < len(self.stories)
                     place = spring_label(i, spring) if is_story else self.springs[i][0]
                     raise UsageError(f"{self.name}: invalid variation of {place}: {fault}")
@@ -720,6 +738,20 @@ class Model:
     def __repr__(self) -> str:
         count = len(self.stories)
         return f"<Model {self.name!r}: {pluralize(count, 'story')}>"
+
+
+def _fault(law: DriftLaw, fracture: tuple[float, float], numbers: Sequence[float]) -> str:
+    """Return the reason why the stiffness and the parameters of a law that fractures at the drifts
+    `fracture` are invalid; empty if they are valid."""
+    stiffness, *parameters = numbers
+    first_yield = law.yield_drift(stiffness, parameters)
+    drifts = [abs(drift) for drift in fracture if drift]
+    if (fault := law.fault(stiffness, parameters)) or not (drifts and min(drifts) < first_yield):
+        return fault or ""
+    return (
+        f"its fracture_drift is {min(drifts):.6g} m and must be at least the yield drift "
+        f"{first_yield:.6g} m"
+    )
 
 
 def simple_model(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -296,13 +296,15 @@ def solve_modes(
     """
     check_springs(stiffness)
     if deformations is None:
-        deformations = chain_deformations(np.ones(mass.size))
+        deformations = chain_deformations(np.ones(mass.shape[-1]))
     root_mass = np.sqrt(mass)
     # The singular values are in decreasing order, and are therefore reversed.
-    _, omega, right_vectors = np.linalg.svd(np.sqrt(stiffness)[:, None] * deformations / root_mass)
-    shapes = (right_vectors[::-1] / root_mass).T
-    signs = np.where(shapes[roof] < 0.0, -1.0, 1.0)
-    return Modes(omega[::-1], shapes * signs, mass, roof=roof)
+    _, omega, right_vectors = np.linalg.svd(
+        np.sqrt(stiffness)[..., None] * deformations / root_mass[..., None, :]
+    )
+    shapes = np.swapaxes(right_vectors[..., ::-1, :] / root_mass[..., None, :], -1, -2)
+    signs = np.where(shapes[..., roof, :] < 0.0, -1.0, 1.0)
+    return Modes(omega[..., ::-1], shapes * signs[..., None, :], mass, roof=roof)
 
 
 def chain_deformations(link: Array) -> Array:
@@ -343,11 +345,13 @@ class FreeVibration:
         check_springs(self.stiffness, self.geometric)
         deformations = self.deformations
         if deformations is None:
-            deformations = chain_deformations(self.link)
+            # All samples have the same links.
+            deformations = chain_deformations(self.link.reshape(-1, self.link.shape[-1])[0])
         return solve_modes(self.mass, self.stiffness, deformations, self.roof)
 
-    def frequency(self, number: int) -> float:
-        """Return the circular frequency of a mode, counted from 1, rad/s.
+    def frequency(self, number: int) -> Any:
+        """Return the circular frequency of a mode, counted from 1, rad/s; of many samples, an
+        array.
 
         In tall buildings only this mode is computed.
 
@@ -356,8 +360,10 @@ class FreeVibration:
         ModelError
             A spring stiffness is not positive.
         """
-        if self.deformations is not None or self.mass.size <= _MAX_STORIES_OF_ALL_MODES:
-            return float(self.modes.omega[number - 1])
+        n = self.mass.shape[-1]
+        if self.deformations is not None or n <= _MAX_STORIES_OF_ALL_MODES:
+            omega = self.modes.omega[..., number - 1]
+            return omega if omega.ndim else float(omega)
         check_springs(self.stiffness, self.geometric)
         return chain_frequency(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)
 
@@ -449,17 +455,17 @@ def check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     if not is_unstable.any():
         return
     # The message names only the first unstable story.
-    unstable_story = int(np.argmax(is_unstable))
+    unstable = np.unravel_index(np.argmax(is_unstable), is_unstable.shape)
     values = ""
     if geometric is not None:
-        weight_over_height = -geometric[unstable_story]
-        initial_stiffness = stiffness[unstable_story] + weight_over_height
+        weight_over_height = -geometric[unstable]
+        initial_stiffness = stiffness[unstable] + weight_over_height
         values = (
             f" (weight over height {weight_over_height:.4g} N/m, initial stiffness "
             f"{initial_stiffness:.4g} N/m)"
         )
     raise ModelError(
-        f"story {unstable_story + 1}: P-delta exceeds the initial stiffness{values}, so that the "
+        f"story {unstable[-1] + 1}: P-delta exceeds the initial stiffness{values}, so that the "
         "building is unstable; check the units of mass, height and stiffness, increase the "
         "stiffness of the story, or use `p_delta: false`"
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from tdint.model.story_laws import LAWS, LINEAR, Law
+from tdint.model.story_laws import LAWS, LINEAR, Law, of_samples
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def story_with_numbers(story: Story, numbers: Mapping[Path, float], is_law_chang
     law has been changed and the law defines the initial stiffness, the stiffness is computed from
     the parameters. A drift of fracture that is a ratio follows the height.
     """
-    if height := numbers.get(("height",)):
+    if (height := numbers.get(("height",))) is not None:
         fractures: dict[Path, float] = {
             (*(("elements", number) if story.elements else ()), "law", "fracture", side): ratio
             * height
@@ -183,8 +183,8 @@ def story_with_numbers(story: Story, numbers: Mapping[Path, float], is_law_chang
     springs = changed.springs
     if is_law_changed:
         springs = tuple(
-            replace(spring, stiffness=compute_stiffness(spring.law.parameters))
-            if (compute_stiffness := LAWS[spring.law.name].initial_stiffness)
+            replace(spring, stiffness=of_samples(initial_stiffness, *spring.law.parameters))
+            if (initial_stiffness := LAWS[spring.law.name].initial_stiffness)
             else spring
             for spring in springs
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cache
 from typing import Any
@@ -228,6 +228,20 @@ def default_numbers(
     if isinstance(default, str):
         return earlier[default]
     return (default,) * (2 * parameter.points or 1)
+
+
+def of_samples(function: Callable[[Sequence[float]], Any], *numbers: Any) -> Any:
+    """Return a function of a sequence of numbers, or its results for all samples as an array.
+
+    In a building of many samples (`Model.changed`), numbers are arrays over the samples. The
+    functions of a law are for single numbers, and arrays would change the last bits of powers.
+    """
+    if not any(getattr(number, "shape", ()) for number in numbers):
+        return function(numbers)
+    import numpy as np  # not needed to read a model
+
+    columns = np.broadcast_arrays(*numbers)
+    return np.array(list(map(function, zip(*(column.tolist() for column in columns), strict=True))))
 
 
 LINEAR = Law("linear", ())

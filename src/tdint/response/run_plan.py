@@ -5,7 +5,7 @@ run.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass
 from itertools import product as combined
 from typing import Any
@@ -15,12 +15,18 @@ import numpy as np
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import Record
+from tdint.methods.workspace import collapse_limits
+from tdint.model.building import assemble
 from tdint.model.definition import damped_by
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.response.arguments import named_sample, numbers_of
 from tdint.response.runs.batch import NO_MOTION, Subject
 from tdint.response.runs.many_results import SCALE, RunSpec
+from tdint.response.runs.prepared import SampleTables
 from tdint.response.time_steps import Steps, record_steps
+
+_FEWEST_SAMPLES = 4
+"""Number of samples below which separate batches are faster."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,35 @@ class RunsRequest:
             raise UsageError(f"{error} (sample {draw + 1})") from None
         return varied
 
+    def samples(self, model: int, draws: Sequence[int]) -> SampleTables | None:
+        """Return the tables of a building in the samples of some runs, for a single batch; None if
+        each sample needs a batch of its own, which also states what is wrong with a sample.
+
+        A batch has one form of the compiled loops: the samples must agree in the features that
+        determine it.
+        """
+        subject, of_runs = self.subjects[model], list(dict.fromkeys(draws))
+        method, building = subject.integrator, subject.model
+        if len(of_runs) < _FEWEST_SAMPLES or self.check or not building.has_samples:
+            return None
+        if method.family.prepare is not None or method.stability_limit != math.inf:
+            return None
+        numbers = {name: values[of_runs] for name, values in self.building_parameters.items()}
+        has_value = {name: ~np.isnan(values) for name, values in numbers.items()}
+        if any(known.any() != known.all() for known in has_value.values()):
+            return None
+        numbers = {name: values for name, values in numbers.items() if has_value[name].all()}
+        try:
+            many = assemble(building.changed(numbers), (len(of_runs),))
+        except (UsageError, ModelError):
+            return None
+        first = many.linear_terms[:, :1] != 0.0
+        if np.any((many.linear_terms != 0.0) != first) or not many.modal.any(axis=-1).all():
+            return None
+        limits = collapse_limits(many, building.collapse_drift)
+        index = {draw: sample for sample, draw in enumerate(of_runs)}
+        return SampleTables(many, limits, [index[draw] for draw in draws])
+
     def check_draws(self, but: Set[int]) -> None:
         """Raise UsageError if the name or a value of a varied parameter is invalid for a building.
 
@@ -82,11 +117,16 @@ class RunsRequest:
             check_parameter(name)
             values = all_values[checked] if but else all_values
             numbers = values.tolist()
-            for value in dict.fromkeys(numbers):
-                with named_sample(numbers, value, checked):
-                    check_value(name, value)
-            # The allowed values are intervals, so that the extreme values are sufficient.
+            # The allowed values are intervals, so that the extreme values are sufficient; they are
+            # nan if a value is nan.
             extremes = {float(values.min()), float(values.max())} if numbers else set[float]()
+            try:
+                for value in extremes:
+                    check_value(name, value)
+            except UsageError:  # the message names the first invalid value
+                for value in numbers:
+                    with named_sample(numbers, value, checked):
+                        check_value(name, value)
             for subject in self.subjects:
                 for change, value in combined(
                     changes_of(subject.model.name, subject.model.springs, name), sorted(extremes)

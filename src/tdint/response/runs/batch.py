@@ -52,6 +52,7 @@ from tdint.response.runs.prepared import (
     BatchResult,
     PreparedBuilding,
     RunSpec,
+    SampleTables,
 )
 from tdint.response.runs.settings import RunSettings
 from tdint.response.time_steps import Steps
@@ -280,6 +281,8 @@ def run_batch(
     to_rest: bool = False,
     histories: tuple[int, Callable[[int, Array], None]] | None = None,
     status_only: bool = False,
+    samples: SampleTables | None = None,
+    subject_of: Callable[[int], Subject] | None = None,
 ) -> Outcomes:
     """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
     bit.
@@ -296,6 +299,10 @@ def run_batch(
     status_only : bool, default False
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
+    samples : SampleTables, optional
+        Other numbers of the building in each run, whose arrays are changed.
+    subject_of : callable, optional
+        Function of the number of a run that returns its building, with `samples`.
 
     Raises
     ------
@@ -309,7 +316,7 @@ def run_batch(
     def case(i: int) -> Case:
         """Return the case of run `i`."""
         record, scale, _ = runs[i]
-        return subject.case(record, scale)
+        return (subject_of(i) if subject_of else subject).case(record, scale)
 
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
@@ -358,8 +365,10 @@ def run_batch(
         rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION,
         every=every,
         on_history=on_history,
+        samples=samples,
     )
-    outcomes = Outcomes.of(building, batch, to_rest)
+    of_runs = building if samples is None else samples.of_all_runs
+    outcomes = Outcomes.of(of_runs, batch, to_rest)
     # A failed run is integrated again only if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():
         run_case, steps = case(i), runs[i][2]

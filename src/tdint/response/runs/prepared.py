@@ -185,6 +185,46 @@ def device_energy(building: Building, space: Workspace) -> Array:
     return dissipated
 
 
+class SampleTables(NamedTuple):
+    """Tables of a building with other numbers in each run of a batch.
+
+    Attributes
+    ----------
+    building : Building
+        Building of many samples (`tdint.model.building.assemble`).
+    limits : ndarray, shape (LIMIT_ROWS, samples, n)
+        Limits of the samples (`tdint.methods.workspace.collapse_limits`).
+    of_runs : sequence of int
+        Sample of each run.
+    """
+
+    building: Building
+    limits: Array
+    of_runs: Sequence[int]
+
+    @property
+    def of_all_runs(self) -> Building:
+        """Building whose samples are the runs, for their results."""
+        many, samples = self.building, np.array(self.of_runs)
+        heights = np.broadcast_to(many.heights, many.yield_drift.shape)
+        return replace(
+            many,
+            linear_terms=many.linear_terms[:, samples],
+            law_parameters=many.law_parameters[:, samples],
+            heights=heights[samples],
+            yield_drift=many.yield_drift[samples],
+        )
+
+    def write(self, run: int, building: Building, space: Workspace, h: float) -> None:
+        """Write the tables of a run to the arrays of a building and of a time integration."""
+        many, sample = self.building, self.of_runs[run]
+        building.linear_terms[:] = many.linear_terms[:, sample]
+        building.law_parameters[:] = many.law_parameters[:, sample]
+        building.modal[:] = many.modal[:, sample]
+        space.limits[:] = self.limits[:, sample]
+        space.flags[rows.UNRESOLVED_MODES] = many.fastest[sample] * h > MAX_RESOLVED_OMEGA_DT
+
+
 class RestCriterion(NamedTuple):
     """Criterion for continuing runs with the ground at rest; by default, runs are not continued.
 
@@ -579,6 +619,7 @@ class PreparedBuilding:
         *,
         every: int = 1,
         on_history: Callable[[int, Array], None] | None = None,
+        samples: SampleTables | None = None,
     ) -> BatchResult:
         """Integrate many runs with one time step. Each run equals that of `integrate`.
 
@@ -592,6 +633,8 @@ class PreparedBuilding:
             Function that receives the index of a run and the completed rows of its history (view,
             shape (rows, width)), to the end of the continued motion. The next run overwrites these
             rows. By default, histories are not kept.
+        samples : SampleTables, optional
+            Tables of the building of each run, which are written to the arrays of this building.
         """
         if self.initial:
             starts = [self._from_first_run(run.ground, run.steps) for run in runs]
@@ -605,6 +648,8 @@ class PreparedBuilding:
         result, n = BatchResult.empty(len(runs), self.building), self.building.stories
         for i, run in enumerate(runs):
             restore(space, initial)
+            if samples:
+                samples.write(i, self.building, space, h)
             np.multiply(run.ground, run.scale, out=ground[: len(run.ground)])
             ground[len(run.ground) :] = 0.0
             # The run is integrated in a single call, because it is short.
@@ -632,6 +677,7 @@ class PreparedBuilding:
                 if code == 0 and reached > run.steps.count:
                     # The number of steps is known now: integrate again with all rows.
                     longer = self.loaded_arrays(integrator, h, reached // every + 1)
+                    longer.flags[:], longer.limits[:] = space.flags, space.limits
                     longer.steps_per_row = every
                     steps = replace(run.steps, count=reached)
                     self.loop(integrator, h, ground, longer)(steps, 0, reached)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import groupby
 from pathlib import Path
@@ -45,11 +45,13 @@ from tdint.response.runs.many_results import (
     store_values,
 )
 from tdint.response.runs.outcome import StoryErrors, StoryPeaks
+from tdint.response.runs.prepared import SampleTables
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
-_RUNS_PER_BATCH = 64
-"""Largest number of runs that a thread integrates in one batch."""
+_RUNS_PER_BATCH, _STEPS_PER_BATCH = 256, 200_000
+"""Largest number of runs, and of time steps of the longest run times runs, that a thread integrates
+in one batch. An interrupt waits for the end of a batch."""
 
 
 class _Options(TypedDict, total=False):
@@ -129,9 +131,10 @@ def run_many(
     every scale.
 
     The runs are in this order, and the scale varies fastest. Each run equals that of `run`, bit for
-    bit. The time loops run on threads without the Python lock; runs without a history are
-    integrated in batches of some dozens per compiled call. A failed run does not stop the other
-    runs and is not repeated with a smaller time step.
+    bit. The time loops run on threads without the Python lock, in batches of runs that share their
+    arrays. Samples of one building are prepared together, unless it has attachments, links,
+    isolators, elements, fractures, tangent damping or matrices. A failed run does not stop the
+    other runs and is not repeated with a smaller time step.
 
     Parameters
     ----------
@@ -351,7 +354,9 @@ def _integrate_plan(
     """
     # The threads share the runs in small parts, so that they finish at about the same time. Each
     # thread receives at least one part if there are enough runs.
-    size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
+    most_steps = max((run.steps.count for run in plan), default=1)
+    size = min(_RUNS_PER_BATCH, _STEPS_PER_BATCH // most_steps, math.ceil(len(plan) / threads))
+    size = max(1, size)
     parts = [plan[first : first + size] for first in range(0, len(plan), size)]
     stop, running = Event(), Semaphore(threads)
     completed = 0
@@ -468,13 +473,7 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
     their rows of `result`.
     """
     histories = _histories(result)
-    # With varied parameters of the building, each sample is a separate building.
-    is_varied = bool(request.building_parameters)
-    for (model, _, draw), group in groupby(
-        part, key=lambda run: (run.model, run.steps.h, run.draw if is_varied else 0)
-    ):
-        runs = list(group)
-        subject = request.varied(model, draw) if is_varied else request.subjects[model]
+    for runs, subject, samples in _batches(request, part):
         numbers = [run.number for run in runs]
         specs = [(request.records[run.record], run.scale, run.steps) for run in runs]
         outcomes = run_batch(
@@ -484,6 +483,8 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             histories=(result.every, _history_writer(subject, result, runs))
             if result.history
             else None,
+            samples=samples,
+            subject_of=functools.partial(_subject_of, request, runs) if samples else None,
         )
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
@@ -499,6 +500,28 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
         for i, failure in outcomes.failures.items():
             histories.store_history(numbers[i], None, result.every)
             result.failures[numbers[i]] = str(failure)
+
+
+def _subject_of(request: RunsRequest, runs: Sequence[RunSpec], i: int) -> Subject:
+    """Return the building of run `i`."""
+    return request.varied(runs[i].model, runs[i].draw)
+
+
+def _batches(
+    request: RunsRequest, part: Sequence[RunSpec]
+) -> Iterator[tuple[list[RunSpec], Subject, SampleTables | None]]:
+    """Yield the runs of each batch with its building, and the tables of its samples if it has
+    several: the arrays of the building are then those of the first sample."""
+    is_varied = bool(request.building_parameters)
+    for (model, _), group in groupby(part, key=lambda run: (run.model, run.steps.h)):
+        runs = list(group)
+        if not is_varied:
+            yield runs, request.subjects[model], None
+        elif samples := request.samples(model, [run.draw for run in runs]):
+            yield runs, request.varied(model, runs[0].draw), samples
+        else:
+            for draw, runs_of_draw in groupby(runs, key=lambda run: run.draw):
+                yield list(runs_of_draw), request.varied(model, draw), None
 
 
 def _histories(result: Runs) -> HistoryArrays:
