@@ -5,8 +5,10 @@ import pytest
 
 import tdint
 from registered import plain as interpreted  # noqa: F401
-from tdint.output.tables.devices import device_tables
+from tdint.output.tables.devices import device_rows, device_tables
 from tdint.output.tables.elements import element_table
+from tdint.response.runs.batch import Subject
+from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run
 
 YIELD_FORCE, STIFFNESS = 6e4, 4e6  # N, N/m: the yield drift is 15 mm
 ROD = {
@@ -60,17 +62,45 @@ def test_fracture_after_a_larger_drift_on_the_other_side(interpreted):  # noqa: 
     assert response.elements.ductility[1] == pytest.approx(4.0, rel=1e-3)
 
 
-def test_link_that_fractures(interpreted):  # noqa: F811
-    stories = [{"mass": 1e5, "height": 3.0, "stiffness": 6e6}] * 2
-    link = {"name": "strut", "from": "ground", "to": 2, "stiffness": STIFFNESS}
-    link["law"] = {key: ROD[key] for key in ("type", "yield_force", "hardening")}
-    link["law"]["fracture_drift"] = 0.03
-    model = {"stories": stories, "links": [link], "damping": 0.05}
-    response = tdint.run(model, pushed(), check=False)
-    assert response.devices.stories.ductility[0] == pytest.approx(2.0, rel=1e-9)
-    assert any("link strut fractured at" in text for text in response.warnings)
-    table = device_tables(response)[1]
-    assert table.rows[0][-1] == "positive"
+def with_devices():
+    """Return two stories with a strut from the ground to the roof that fractures at 30 mm, and a
+    mass on a spring that fractures at 30 mm and a soft tie."""
+    law = {key: ROD[key] for key in ("type", "yield_force", "hardening")} | {"fracture_drift": 0.03}
+    device = {"stiffness": STIFFNESS, "law": law}
+    return {
+        "stories": [{"mass": 1e5, "height": 3.0, "stiffness": 6e6}] * 2,
+        "attachments": [{"name": "tank", "floor": 1, "mass": 3e4, "dashpot": 2e4, **device}],
+        "links": [
+            {"name": "strut", "from": "ground", "to": 2, **device},
+            {"name": "tie", "from": 1, "to": "tank", "stiffness": 5e5},
+        ],
+        "damping": 0.05,
+    }
+
+
+def test_devices_that_fracture(interpreted):  # noqa: F811
+    response = tdint.run(with_devices(), pushed(), method="newmark-average", check=False)
+    assert response.devices.stories.ductility[:2] == pytest.approx([2.0, 2.0], rel=1e-9)
+    for name in ("attachment tank", "link strut"):
+        assert any(f"{name} fractured at" in text for text in response.warnings)
+    assert device_tables(response)[1].rows[0][-1] == "positive"
+
+
+def test_ductilities_of_a_batch_end_at_the_fracture(interpreted):  # noqa: F811
+    """The rows of campaigns, of one run that fractures and one that does not."""
+    model = tdint.load_model(with_devices())
+    settings = CampaignSettings(stories=True)
+    motions, method = {0: pushed()}, "newmark-average"
+    batch = Batch(0, Subject(model, method), motions, {0: None}, settings)
+    found = batch.results([Run(0, scale) for scale in (1.0, 0.02)])
+    parts = [(part.scale, part.cells[1:]) for part in (*found.attachments, *found.links)]
+    expected = []
+    for scale in (1.0, 0.02):
+        response = tdint.run(model, pushed().scaled(scale), method=method, check=False)
+        tables = device_rows(response.model, response.devices)
+        expected += [(scale, cells) for cells in (*tables[0], *tables[1])]
+    np.testing.assert_equal(sorted(parts), sorted(expected))
+    assert response.devices.fracture_time is None
 
 
 def test_models_without_fracture_have_no_columns(interpreted):  # noqa: F811

@@ -36,7 +36,7 @@ from tdint.response.runs.case import (
 from tdint.response.runs.elements import ElementPeaks, element_peaks
 from tdint.response.runs.error_estimate import run_until_rest, run_with_error_estimate
 from tdint.response.runs.load_case import LoadCase
-from tdint.response.runs.loop_results import columns, device_columns, energy_errors, named_peaks
+from tdint.response.runs.loop_results import columns, energy_errors, named_devices, named_peaks
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
     Collapse,
@@ -145,10 +145,8 @@ class Outcomes:
     ----------
     elements : ndarray, shape (runs, 2, elements)
         Results of the elements, as in `BatchResult`, of runs that are not in `responses`.
-    devices : StoryPeaks
-        Peaks of attachments and links of runs that are not in `responses`, as in `DevicePeaks`.
-    device_energy : ndarray, shape (runs, devices)
-        Energies dissipated by attachments and links of these runs, J.
+    devices : DevicePeaks
+        Values of attachments and links of runs that are not in `responses`, shape (runs, devices).
     energy_error, steps : ndarray, shape (runs,)
         Energy imbalance divided by the maximum input energy; number of completed time steps.
     at_rest : list of int | None
@@ -163,8 +161,7 @@ class Outcomes:
 
     stories: StoryPeaks
     elements: Array
-    devices: StoryPeaks | None
-    device_energy: Array
+    devices: DevicePeaks | None
     energy_error: Array
     steps: NDArray[np.int64]
     at_rest: list[int | None]
@@ -190,8 +187,7 @@ class Outcomes:
         return cls(
             columns(peaks, slice(building.floors)),
             batch.elements,
-            device_columns(building, peaks) if building.branched else None,
-            batch.device_energy,
+            named_devices(building, peaks, batch.devices) if building.branched else None,
             energy_errors(batch.totals),
             batch.ends[:, STEPS_COMPLETED].astype(int),
             at_rest,
@@ -223,7 +219,8 @@ class Outcomes:
             return self.responses[i].devices
         if self.devices is None:
             return None
-        return DevicePeaks(_run_of(self.devices, i), self.device_energy[i])
+        devices = self.devices
+        return DevicePeaks(_run_of(devices.stories, i), devices.dissipated_energy[i])
 
     def fail(self, i: int, failure: FailedRun) -> None:
         """Replace the results of run `i` by its failure."""
@@ -250,8 +247,9 @@ class Outcomes:
             self.collapses[i], self.at_rest[i] = collapse, None
         # A collapse that was evaluated from the batch changes no other values of the batch.
         if isinstance(result, Collapse):
-            for peaks in filter(None, (self.stories, self.devices)):
-                peaks.residual_drift[i] = np.nan
+            self.stories.residual_drift[i] = np.nan
+            if self.devices is not None:
+                self.devices.stories.residual_drift[i] = np.nan
             return
         if result.time_at_rest is not None and not collapse:
             self.at_rest[i] = 1

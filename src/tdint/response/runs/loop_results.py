@@ -21,7 +21,7 @@ from tdint.response.runs.outcome import (
     StoryPeaks,
     story_values,
 )
-from tdint.response.runs.prepared import device_energy
+from tdint.response.runs.prepared import device_results
 
 ValuesT = TypeVar("ValuesT", StoryPeaks, StoryErrors)
 
@@ -49,38 +49,35 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     `interstep_peak_errors`; None without them."""
     if not building.branched:
         return None
-    peaks = device_columns(building, all_peaks(building, space))
-    bounds = interstep_peak_errors(building, space, late, building.device_columns)
-    result = DevicePeaks(
-        peaks,
-        device_energy(building, space),
-        bounds,
+    result = replace(
+        named_devices(building, all_peaks(building, space), device_results(building, space)),
+        interstep_bound=interstep_peak_errors(building, space, late, building.device_columns),
         attachments=tuple(item.name for item in building.attachments),
         links=tuple(item.name for item in building.links),
     )
     if building.system is not None:
         forces = space.observer_state[INERTER_FORCE, building.device_columns]
         return replace(result, inerter_force=forces.copy())
-    times, drifts = space.law_state[
-        [rows.FRACTURE_TIME, rows.FRACTURE_DRIFT], building.device_columns
-    ]
+    return result
+
+
+def named_devices(building: Building, peaks: StoryPeaks, results: Array) -> DevicePeaks:
+    """Return the values of attachments and links from the peaks of all columns and the array of
+    `device_results`, of one run or with a first axis of runs. Ductilities end at the fracture; the
+    residual deformations of links have the sign of their ends in the model."""
+    devices = columns(peaks, building.device_columns)
+    energy, times, drifts = np.moveaxis(results, -2, 0)
+    residual = devices.residual_drift * building.device_signs
     if not drifts.any():
-        return result
+        return DevicePeaks(replace(devices, residual_drift=residual), energy)
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.where(drifts, np.abs(drifts) / peaks.peak_drift, 1.0)
-    return replace(
-        result,
-        stories=replace(peaks, ductility=peaks.ductility * shares),
+        shares = np.where(drifts, np.abs(drifts) / devices.peak_drift, 1.0)
+    return DevicePeaks(
+        replace(devices, residual_drift=residual, ductility=devices.ductility * shares),
+        energy,
         fracture_time=np.where(drifts, times, np.nan),
         fracture_drift=drifts * building.device_signs,
     )
-
-
-def device_columns(building: Building, peaks: StoryPeaks) -> StoryPeaks:
-    """Return the peaks of attachments and links; the residual deformations of links have the sign
-    of their ends in the model."""
-    devices = columns(peaks, building.device_columns)
-    return replace(devices, residual_drift=devices.residual_drift * building.device_signs)
 
 
 def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:

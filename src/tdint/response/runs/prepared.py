@@ -142,8 +142,8 @@ class BatchResult(NamedTuple):
     elements : ndarray, shape (runs, 2, elements)
         Maximum absolute force (N) and dissipated energy (J) of the elements of stories with several
         elements.
-    device_energy : ndarray, shape (runs, devices)
-        Energies dissipated by attachments and links, J.
+    devices : ndarray, shape (runs, 3, devices)
+        `device_results` of attachments and links.
     """
 
     peaks: Array
@@ -151,15 +151,15 @@ class BatchResult(NamedTuple):
     totals: Array
     ends: Array
     elements: Array
-    device_energy: Array
+    devices: Array
 
     @classmethod
     def empty(cls, runs: int, building: Building) -> BatchResult:
         """Return results of zeros for a number of runs of a building."""
-        n, elements = building.stories, building.elements
-        devices = len(building.attachments) + len(building.links)
-        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,), (4, elements), (devices,)
-        return cls(*(np.zeros((runs, *shape)) for shape in shapes))
+        n, devices = building.stories, len(building.attachments) + len(building.links)
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,)
+        springs = (4, building.elements), (3, devices)
+        return cls(*(np.zeros((runs, *shape)) for shape in (*shapes, *springs)))
 
 
 def element_results(law_state: Array, stories: int) -> Array:
@@ -173,8 +173,10 @@ def element_results(law_state: Array, stories: int) -> Array:
     return law_state[results, stories + 1 :]
 
 
-def device_energy(building: Building, space: Workspace) -> Array:
-    """Return the energies dissipated by attachments and links since the start of a run, J."""
+def device_results(building: Building, space: Workspace) -> Array:
+    """Return the energies dissipated by attachments and links since the start of a run (J), the
+    times of their fractures (s) and the peak deformations up to these (m; 0 without a fracture),
+    shape (3, devices)."""
     part = building.device_columns
     dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
     dissipated += space.law_state[rows.ENERGY_SPENT, part]
@@ -182,7 +184,7 @@ def device_energy(building: Building, space: Workspace) -> Array:
         dissipated += space.state[rows.BRACE_DISSIPATED, part]
     if building.tangent_damped:  # of a contact
         dissipated += space.state[rows.DAMPING_WORK, part]
-    return dissipated
+    return np.stack([dissipated, *space.law_state[[rows.FRACTURE_TIME, rows.FRACTURE_DRIFT], part]])
 
 
 class SampleTables(NamedTuple):
@@ -669,7 +671,7 @@ class PreparedBuilding:
             if self.building.elements:
                 result.elements[i] = element_results(space.law_state, n)
             if self.building.branched:
-                result.device_energy[i] = device_energy(self.building, space)
+                result.devices[i] = device_results(self.building, space)
             if on_history:
                 reached = int(space.totals[rows.STEPS_REACHED]) - self.completed
                 result.ends[i, STEPS_COMPLETED] = reached
