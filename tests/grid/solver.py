@@ -72,7 +72,7 @@ class Chain:
         self.ground, self.interval = ground.tolist(), interval
         self.mass = np.array([member["mass"] for member in members if "mass" in member])
         self.n = len(self.mass)
-        # The story below each mass
+        # The story below each mass; -1 for a building of its own
         self.supports = [a if i < self.stories else b for i, (a, b) in enumerate(self.ends)][
             : self.n
         ]
@@ -116,8 +116,8 @@ class Chain:
 
     def above(self, values):
         """Return the sums of the values of all masses above each story."""
-        sums = np.bincount(self.supports, values, self.stories)
-        return np.cumsum(sums[::-1])[::-1]
+        sums = np.bincount(np.array(self.supports) + 1, values, self.stories + 1)
+        return np.cumsum(sums[:0:-1])[::-1]
 
     def deformations(self, motion):
         """Return the deformations of all members from the motion of the masses, axis 0."""
@@ -126,11 +126,11 @@ class Chain:
 
     def initial_state(self, model):
         """Return the state at t = 0. Each spring moves monotonically to its initial deformation;
-        attachments move with their floors."""
+        attachments move with their floors, or are at rest on the ground."""
         initial, n = model.get("initial", {}), self.n
         y = np.zeros(self.size)
         for key, first in (("displacement", 0), ("velocity", n)):
-            values = np.array(initial.get(key, np.zeros(self.stories)))
+            values = np.append(initial.get(key, np.zeros(self.stories)), 0.0)  # the ground is last
             y[first : first + n] = values[self.supports]
         drifts = self.deformations(y[:n])
         for i, spring, variables in self.springs:
@@ -230,7 +230,8 @@ def members_of(model):
     ends = [(i, i - 1) for i in range(len(members))]
     for attachment in attachments:
         names[attachment["name"]] = len(members)
-        ends.append((len(members), attachment["floor"] - 1))
+        floor = attachment["floor"]
+        ends.append((len(members), names[floor] if isinstance(floor, str) else floor - 1))
         members.append(attachment)
     for link in model.get("links", []):
         lower, upper = (

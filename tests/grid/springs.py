@@ -1421,12 +1421,17 @@ class BoucWen(Spring):
 
 @law(
     "steel",
-    **{
-        "isotropic": lambda rng, k, F: {
-            **{"yield_force": F, "hardening": 0.03},
-            "transition": {"R0": 15.0, "cR1": 0.9, "cR2": 0.15},
-            "isotropic": {"a1": 0.05, "a2": 1.0, "a3": 0.04, "a4": 1.0},
+    loops={
+        "hardening": lambda rng, k, F: {
+            **{"yield_force": F, "hardening": 0.02},
+            "transition": {"R0": 20.0, "cR1": 0.925, "cR2": 0.15},
+            "isotropic": {"a1": 0.15, "a2": 1.0, "a3": 0.15, "a4": 1.0},
         }
+    },
+    isotropic=lambda rng, k, F: {
+        **{"yield_force": F, "hardening": 0.03},
+        "transition": {"R0": 15.0, "cR1": 0.9, "cR2": 0.15},
+        "isotropic": {"a1": 0.05, "a2": 1.0, "a3": 0.04, "a4": 1.0},
     },
 )
 class Steel(Spring):

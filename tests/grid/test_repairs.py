@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from grid.axes import build
+from grid.covering import read
+from grid.judge import judge
 from grid.solver import solve, springs_of
 from tdint import load_model, make_record, run
 
@@ -408,3 +411,15 @@ def test_rigid_brace(method):
     for brace in (1e15, 1e30):
         braced = {"coefficient": coefficient, "exponent": 1.0, "brace": brace}
         assert peak_drift(braced) == pytest.approx(rigid, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("digest", "samples"),
+    [
+        ("9a3b523e", 1.0),  # acceleration of the first step, too large with both steps
+        ("022a4551", 2.0),  # total shear at a reversal within the step, tangent damping
+    ],
+)
+def test_errors_that_the_run_and_half_of_its_step_have_in_common(digest, samples):
+    row, seed, _, peaks = next(entry for entry in read() if entry[2] == digest)
+    assert judge(build(row, seed), peaks, "moment4", samples).beyond == []
