@@ -80,7 +80,7 @@ def _take_shortcuts() -> None:
     each function. `tdint.kernels.building.compiler.objects_of` renames the symbols of functions.
     """
     from llvmlite.binding import Linkage
-    from numba.core import bytecode, codegen, compiler, ir, ir_utils, types
+    from numba.core import bytecode, codegen, compiler, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
     # numba would try all candidates and format an error for each mismatch.
@@ -108,27 +108,6 @@ def _take_shortcuts() -> None:
 
     # mypy does not allow an assignment to a method.
     setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010
-    # numba tests the types of an operand in a fixed order. The replacement tests the most frequent
-    # types first.
-    default_variables = ir.Inst._rec_list_vars
-
-    def variables(self: Any, value: Any) -> list[Any]:
-        """Return the variables that an operand of an instruction of numba contains.
-
-        `value` is an operand of the intermediate representation: a variable, a location, a name, a
-        dictionary of operands, or another object, for which numba's own function is called.
-        """
-        value_type = type(value)
-        if value_type is ir.Var:
-            return [value]
-        if value_type is ir.Loc or value_type is str:
-            return []
-        if value_type is dict:
-            return [variable for operand in value.values() for variable in variables(self, operand)]
-        result: list[Any] = default_variables(self, value)
-        return result
-
-    ir.Inst._rec_list_vars = variables
     # With a common numbering, previously compiled functions would affect the order of sets of names
     # and therefore the code. Functions are numbered consecutively in the process, so that no two
     # functions have a common symbol.
@@ -136,7 +115,7 @@ def _take_shortcuts() -> None:
     labels = ir_utils._the_max_label
     compile_one = compiler.CompilerBase.compile_extra
     # In a version of numba without these attributes, AttributeError is raised here. The separate
-    # numbering and the replacements below are then omitted. The two replacements above remain.
+    # numbering and the replacements below are then omitted. The replacement above remains.
     _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count
 
     def compile_separately(self: Any, function: Any) -> Any:

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import wraps
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -66,7 +68,7 @@ class Kernel(Compilable):
     Attributes
     ----------
     function : callable
-        Python function.
+        Python function of the arguments in the signature.
     signature : Signature
         Types of the arguments and of the result.
     """
@@ -80,7 +82,8 @@ class Kernel(Compilable):
     ) -> None:
         """Store the function and its properties."""
         super().__init__()
-        self.function = function
+        has_groups = function.__code__.co_argcount != len(signature.arguments)
+        self.function = _function_of_fields(function) if has_groups else function
         self.signature = signature
         self.has_forms = has_forms
         self.vectorized = vectorized
@@ -135,6 +138,17 @@ class Kernel(Compilable):
         """Install the Python function, as returned by `wrap`."""
         self._loaded[form] = wrap(self.function)
         compilable.INSTALLED.add("interpreted")
+
+
+def _function_of_fields(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function with the fields of the named tuples (GROUPS) as separate arguments."""
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        """Combine the fields to named tuples and call the function."""
+        return function(*compilable.grouped(function, arguments))
+
+    return call
 
 
 def kernel(
@@ -205,13 +219,21 @@ else:
     def indirect_caller(signature: Signature) -> Any:
         """Return a function that calls a kernel that was passed as an argument.
 
+        Named tuples among its arguments are passed as their fields.
+
         Parameters
         ----------
         signature : Signature
             Signature of the kernel. Not used here, because Python functions need no signature; the
             function of the same name for compiled kernels requires it.
         """
-        return lambda kernel, *arguments: kernel(*arguments)
+
+        def call(kernel: Any, *arguments: Any) -> Any:
+            """Call the kernel with the fields of its arguments."""
+            groups = (item if isinstance(item, tuple) else (item,) for item in arguments)
+            return kernel(*chain.from_iterable(groups))
+
+        return call
 
     def local(size: int) -> Any:
         """Return an uninitialized array of `size` numbers for use during one call of a function.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import F8, FULL, I8, TABLE, indirect_caller, inline, kernel, outlined
+from tdint.kernels.compiling import F8, FULL, I8, indirect_caller, inline, kernel, outlined
 from tdint.kernels.linear_terms import above, base_of, force_value, internal_forces, is_tree
 from tdint.kernels.peaks_between_steps import (
     floor_ends,
@@ -21,7 +21,7 @@ from tdint.kernels.peaks_between_steps import (
     zero_of_rate,
 )
 from tdint.kernels.step_interpolant import quintic_motion
-from tdint.kernels.stepping import SCENE, Located, Scene, Span
+from tdint.kernels.stepping import MEMORY, SCENE, SEEN, Located, Span
 from tdint.kernels.stories.brace import brace_force_at
 from tdint.kernels.stories.law_state import (
     columns_of_story,
@@ -193,55 +193,22 @@ def _move_to_reversal(h, law_parameters, law_state, i, previous, story, s):
 # ---- Instants of the observer of the response. The kernel is compiled separately, because the time
 # loop does not contain the laws.
 
-UPDATE_LOCATED_PEAKS = I8(*SCENE, F8, F8, I8, TABLE, TABLE, I8, TABLE, TABLE)
+UPDATE_LOCATED_PEAKS = I8(*SCENE, *MEMORY, *SEEN, F8, F8, I8, I8)
 
-_call_kernel = indirect_caller(UPDATE_LOCATED_PEAKS)
-
-
-@inline
-def call_update_located_peaks(update_located_peaks, scene, span, memory, previous, seen):
-    """Update the peaks at the reversals and instants in rows LOCATED of the memory of the observer,
-    by the address of `update_located_peaks`; `previous` as in `raise_located_peaks`.
-    """
-    linear_terms, modal, law_parameters, forces, flags = scene
-    _call_kernel(
-        update_located_peaks,
-        linear_terms,
-        modal,
-        law_parameters,
-        forces,
-        flags,
-        span.t,
-        span.h,
-        1 if span.fast else 0,
-        memory.state,
-        memory.law_state,
-        previous,
-        seen.observer_state,
-        seen.peaks,
-    )
+call_update_located_peaks = indirect_caller(UPDATE_LOCATED_PEAKS)
+"""Call `update_located_peaks` by its address, the first argument."""
 
 
 @kernel(UPDATE_LOCATED_PEAKS)
-def update_located_peaks(
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    t,
-    h,
-    fast,
-    state,
-    law_state,
-    previous,
-    observer_state,
-    peaks,
-):
-    """Update the peaks at the reversals and located instants of the last step; return 0."""
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
+def update_located_peaks(scene, memory, seen, t, h, fast, previous):
+    """Update the peaks at the reversals and instants in rows LOCATED of the memory of the observer;
+    return 0.
+
+    The step ends at `t` and has the length `h`, `fast` is 1 or 0 (`Span`), `previous` as in
+    `raise_located_peaks`.
+    """
     span = Span(t, h, 0.0, 0.0, False, fast != 0, False, False)
-    passage = observed_passage(state, observer_state)
-    located = Located(observer_state, rows.LOCATED, peaks, 0)
-    raise_located_peaks(scene, span, passage, law_state, previous, located)
+    passage = observed_passage(memory.state, seen.observer_state)
+    located = Located(seen.observer_state, rows.LOCATED, seen.peaks, 0)
+    raise_located_peaks(scene, span, passage, memory.law_state, previous, located)
     return 0

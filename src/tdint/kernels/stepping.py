@@ -19,27 +19,24 @@
   that are reported are never fed back.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.kernels.building.compilable import GROUPS
 from tdint.kernels.compiling import (
     F8,
     I8,
     TABLE,
     VECTOR,
-    Kernel,
     indirect_caller,
-    inline,
     kernel,
 )
 
 # ---- Groups of arrays and numbers that kernels pass to other functions as a single argument. The
-# groups are named tuples, which the compiler replaces by their fields. The arguments of a kernel
-# are the fields, in the order of the groups. The kernel builds the groups from its arguments. The
-# signatures of the groups are defined here as well.
+# groups are named tuples, which the compiler replaces by their fields. A kernel is called with the
+# fields, in the order of the groups. The signatures of the groups are defined here as well.
 
 Array = NDArray[np.float64]
 
@@ -115,6 +112,8 @@ class Seen(NamedTuple):
     totals: Array
     history: Array
 
+
+GROUPS.update(scene=Scene, memory=Memory, seen=Seen)
 
 SCENE = (TABLE, TABLE, TABLE, TABLE, VECTOR)
 MEMORY = (TABLE, TABLE, TABLE, VECTOR)
@@ -307,69 +306,14 @@ class PathSegment(NamedTuple):
 
 STEP = I8(VECTOR, *SCENE, F8, VECTOR, *MEMORY)
 
-_call_step = indirect_caller(STEP)
+step_kernel = kernel(STEP)
+"""Decorator that converts a step (coefficients, scene, h, load, memory) to a kernel.
 
+The step updates the state, the law states, the scratch array and the status in `memory`. It returns
+the number of iterations, which is the number of linear systems of equations that it has solved, but
+at least 1. Or a negative error code: NOT_CONVERGED (the state is unchanged) or NOT_FINITE.
+"""
 
-def step_kernel(function: Callable[..., int]) -> Kernel:
-    """Convert a step that receives its arguments in groups, (coefficients, scene, h, load, memory),
-    to a kernel with the signature STEP."""
-    step_of_groups = inline(function)
-
-    @kernel(STEP)
-    def step(
-        coefficients,
-        linear_terms,
-        modal,
-        law_parameters,
-        forces,
-        flags,
-        h,
-        load,
-        state,
-        law_state,
-        scratch,
-        step_status,
-    ):
-        """Execute the step with its arguments in groups."""
-        scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-        memory = Memory(state, law_state, scratch, step_status)
-        return step_of_groups(coefficients, scene, h, load, memory)
-
-    step.__doc__ = step.function.__doc__ = function.__doc__
-    # The process that compiles a kernel finds it by the module and the name of its function.
-    step.function.__module__ = function.__module__
-    step.function.__name__ = function.__name__
-    step.function.__qualname__ = function.__qualname__
-    return step
-
-
-@inline
-def take_step(step, coefficients, scene, h, load, memory):
-    """Execute one step of the method with the compiled function that the time loop has received.
-
-    The step updates the state, the law states, the scratch array and the status in `memory`.
-
-    Returns
-    -------
-    int
-        Number of iterations, which is the number of linear systems of equations that the step has
-        solved, but at least 1. Or a negative error code: NOT_CONVERGED (the state is unchanged) or
-        NOT_FINITE.
-    """
-    linear_terms, modal, law_parameters, forces, flags = scene
-    state, law_state, scratch, step_status = memory
-    return _call_step(
-        step,
-        coefficients,
-        linear_terms,
-        modal,
-        law_parameters,
-        forces,
-        flags,
-        h,
-        load,
-        state,
-        law_state,
-        scratch,
-        step_status,
-    )
+take_step = indirect_caller(STEP)
+"""Execute one step of the method with the compiled function that the time loop has received:
+(step, coefficients, scene, h, load, memory)."""

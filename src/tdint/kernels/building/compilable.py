@@ -3,7 +3,8 @@ needs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Any, NamedTuple
 
 
@@ -65,6 +66,25 @@ number c, so that a law that can fracture, with the number c + 1/2, has a row.""
 
 LAW_PREFIX = "law."
 """Start of the name of a law in its module, which distinguishes it from a kernel."""
+
+GROUPS: dict[str, Any] = {}
+"""Named tuples of arguments by the names of the parameters of kernels (`stepping.py`)."""
+
+
+def grouped(function: Callable[..., Any], values: Sequence[Any]) -> list[Any]:
+    """Return values of the arguments of a kernel, with the fields of each named tuple in GROUPS
+    combined if the function has such parameters."""
+    rest = iter(values)
+    names = function.__code__.co_varnames[: function.__code__.co_argcount]
+    if len(names) == len(values):
+        return [*values]
+    return [
+        GROUPS[name]._make(islice(rest, len(GROUPS[name]._fields)))
+        if name in GROUPS
+        else next(rest)
+        for name in names
+    ]
+
 
 PLAIN = "plain"
 FULL = "full"

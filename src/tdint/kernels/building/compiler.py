@@ -7,13 +7,15 @@ Only the functions of `tdint.kernels.build` import this module.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from inspect import unwrap
 from typing import Any
 
 import llvmlite.binding as llvm
 import numba
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.types.containers import BaseTuple
 from numba.core.types.misc import unliteral
 from numba.extending import intrinsic
 
@@ -25,6 +27,7 @@ from tdint.kernels.building.compilable import (
     ArrayOf,
     Scalar,
     Signature,
+    grouped,
 )
 from tdint.kernels.building.target import Target, native
 
@@ -145,7 +148,10 @@ def _compiled_once(function: Callable[..., Any], options: dict[str, Any]) -> Any
 
 
 def indirect_caller(signature: Signature) -> Any:
-    """Return a compiled function (address, *arguments) that calls a kernel at its address."""
+    """Return a compiled function (address, *arguments) that calls a kernel at its address.
+
+    Named tuples among the arguments are passed as their fields.
+    """
     returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
 
     @intrinsic
@@ -166,12 +172,10 @@ def indirect_caller(signature: Signature) -> Any:
             convention = context.call_conv
             function_type = convention.get_function_type(returns, arguments)
             function = builder.inttoptr(values[0], function_type.as_pointer())
-            passed = cgutils.unpack_tuple(builder, values[1], len(arguments))
+            passed = _fields(builder, values[1], argument_types)
             converted = [
                 context.cast(builder, value, value_type, argument)
-                for value, value_type, argument in zip(
-                    passed, argument_types, arguments, strict=True
-                )
+                for (value, value_type), argument in zip(passed, arguments, strict=True)
             ]
             # The status, the first result, is ignored, because a kernel raises no exception.
             _, result = convention.call_function(builder, function, returns, arguments, converted)
@@ -185,6 +189,16 @@ def indirect_caller(signature: Signature) -> Any:
         return call(address, arguments)
 
     return call_at
+
+
+def _fields(builder: Any, value: Any, value_type: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the values in a tuple, also in tuples that it contains, with their types."""
+    if isinstance(value_type, BaseTuple):
+        items = cgutils.unpack_tuple(builder, value, len(value_type))
+        for item, item_type in zip(items, value_type, strict=True):
+            yield from _fields(builder, item, item_type)
+    else:
+        yield value, value_type
 
 
 @intrinsic
@@ -465,6 +479,8 @@ def objects_of(
     NUMBA_CPU_NAME and NUMBA_CPU_FEATURES. All targets must be compatible with this optimization;
     `tdint.kernels.building.process.compilations` combines such targets.
 
+    In the calling convention of numba, the fields of a named tuple are separate arguments.
+
     Raises
     ------
     ValueError
@@ -473,8 +489,10 @@ def objects_of(
         optimization, such calls remain in the code of every kernel.
     """
     _require_optimization()
+    function = unwrap(function)
     compiled = numba.njit(**_OPTIONS)(function)
-    compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
+    arguments = grouped(function, [*map(_type, signature.arguments)])
+    compiled.compile(_type(signature.returns)(*map(_type_of_group, arguments)))
     # The function has been compiled for exactly one tuple of argument types.
     (arguments,) = compiled.overloads
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
@@ -559,6 +577,12 @@ def _emitted(text: str, target: Target) -> bytes:
         if not function.is_declaration:
             function.add_function_attribute("nounwind")
     return bytes(machine.emit_object(module))
+
+
+def _type_of_group(argument: Any) -> Any:
+    """Return the numba type of a named tuple of numba types; other types are returned unchanged."""
+    is_group = isinstance(argument, tuple)
+    return BaseTuple.from_types(argument, type(argument)) if is_group else argument
 
 
 def _type(argument: Argument) -> Any:

@@ -60,16 +60,9 @@ _LINEAR, _BILINEAR = 0.0, 1.0  # numbers of the laws
 _linear, _bilinear = hooks_of(linear.LAW), hooks_of(bilinear.LAW)
 _linear_force, _bilinear_force = _linear["force"], _bilinear["force"]
 _linear_advance, _bilinear_advance = _linear["advance"], _bilinear["advance"]
-_linear_commit, _bilinear_commit = _linear["commit"], _bilinear["commit"]
-_linear_keep, _bilinear_keep = _linear["keep"], _bilinear["keep"]
-_linear_dissipation = _linear["accumulate_dissipation"]
-_bilinear_dissipation = _bilinear["accumulate_dissipation"]
 _force = law_caller("force")
 strain_energy_of_law = law_caller("strain_energy")
 hysteretic_energy_of_law = law_caller("hysteretic_energy")
-_accumulate_dissipation = law_caller("accumulate_dissipation")
-_keep = law_caller("keep")
-_commit = law_caller("commit")
 enter_branch = law_caller("enter")
 _advance = law_caller("advance")
 switch_branch = law_caller("switch")
@@ -130,39 +123,31 @@ def advance_rows(law_parameters, law_state, i, block, step, mean_force):
         _advance(law_parameters, law_state, i, block, step, mean_force)
 
 
-@inline
-def accumulate_dissipation_of_law(law_parameters, law_state, i, previous, trial):
-    """Store the energy that the law in column `i` has dissipated until state `trial`."""
-    code = law_parameters[rows.CODE, i]
-    if code == _LINEAR:
-        _linear_dissipation(law_parameters, law_state, i, previous, trial)
-    elif code == _BILINEAR:
-        _bilinear_dissipation(law_parameters, law_state, i, previous, trial)
-    else:
-        _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
+def _selected(hook: str) -> Any:
+    """Return a function (law_parameters, law_state, i, previous, trial) that calls a function of
+    the law in column `i`; those of the linear and the bilinear law are part of it."""
+    of_linear, of_bilinear, of_other = _linear[hook], _bilinear[hook], law_caller(hook)
+
+    @inline
+    def call(law_parameters, law_state, i, previous, trial):
+        """Call the function of the law."""
+        code = law_parameters[rows.CODE, i]
+        if code == _LINEAR:
+            of_linear(law_parameters, law_state, i, previous, trial)
+        elif code == _BILINEAR:
+            of_bilinear(law_parameters, law_state, i, previous, trial)
+        else:
+            of_other(law_parameters, law_state, i, previous, trial)
+
+    return call
 
 
-@inline
-def keep_rows(law_parameters, law_state, i, previous, trial):
-    """Copy the rows of the law in column `i` that are not common rows to the committed state."""
-    code = law_parameters[rows.CODE, i]
-    if code == _LINEAR:
-        _linear_keep(law_parameters, law_state, i, previous, trial)
-    elif code == _BILINEAR:
-        _bilinear_keep(law_parameters, law_state, i, previous, trial)
-    else:
-        _keep(law_parameters, law_state, i, previous, trial)
+accumulate_dissipation_of_law = _selected("accumulate_dissipation")
+"""Store the energy that the law of a column has dissipated until state `trial`."""
 
+keep_rows = _selected("keep")
+"""Copy the rows of the law of a column that are not common rows to the committed state."""
 
-@inline
-def commit_law(law_parameters, law_state, i, previous, trial):
-    """Make a trial state of the law in column `i`, a story with a single element or an element, the
-    committed state.
-    """
-    code = law_parameters[rows.CODE, i]
-    if code == _LINEAR:
-        _linear_commit(law_parameters, law_state, i, previous, trial)
-    elif code == _BILINEAR:
-        _bilinear_commit(law_parameters, law_state, i, previous, trial)
-    else:
-        _commit(law_parameters, law_state, i, previous, trial)
+commit_law = _selected("commit")
+"""Make a trial state of the law of a column, a story with a single element or an element, the
+committed state."""

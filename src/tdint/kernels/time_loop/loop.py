@@ -10,9 +10,6 @@ from tdint.kernels.stepping import (
     SCENE,
     SEEN,
     STEP,
-    Memory,
-    Scene,
-    Seen,
     Span,
     take_step,
 )
@@ -181,21 +178,10 @@ def integrate(
     points,
     coefficients,
     shifts,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    state,
-    law_state,
-    scratch,
-    step_status,
+    scene,
+    memory,
     load,
-    observer_state,
-    peaks,
-    limits,
-    totals,
-    history,
+    seen,
 ):
     """Integrate the equations of motion over the steps `first_step` to `last_step` - 1 of a run.
 
@@ -242,9 +228,9 @@ def integrate(
         iteration has diverged (relative residual nan or at least OVERFLOW). NOT_CONVERGED: the
         iteration has not converged after `max_halvings` halvings.
     """
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, law_state, scratch, step_status)
-    seen = Seen(observer_state, peaks, limits, totals, history)
+    linear_terms, _, _, forces, flags = scene
+    state, _, _, step_status = memory
+    _, _, _, totals, history = seen
     on_path = flags[rows.PARABOLIC] != 0.0
     has_unresolved_modes = flags[rows.UNRESOLVED_MODES] != 0.0
     # `ground_0` and `ground_1` are the ground acceleration of the motion, rows GROUND_0 and

@@ -20,8 +20,6 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import (
     FULL,
     I8,
-    TABLE,
-    VECTOR,
     indirect_caller,
     inline,
     kernel,
@@ -61,7 +59,7 @@ from tdint.kernels.peaks_between_steps import (
     velocity_reach,
 )
 from tdint.kernels.step_interpolant import acceleration_bulge
-from tdint.kernels.stepping import Ends, Located
+from tdint.kernels.stepping import MEMORY, SCENE, SEEN, Ends, Located
 from tdint.kernels.stories.law_state import (
     columns_of_story,
     has_fractured,
@@ -657,7 +655,16 @@ def observe_within_step(update_located_peaks, may_exceed, scene, span, memory, s
         # The laws are evaluated only at reversals and instants that may cause a new peak.
         if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
             previous = step_start(scene.flags, span.on_path and span.cornered)
-            call_update_located_peaks(update_located_peaks, scene, span, memory, previous, seen)
+            call_update_located_peaks(
+                update_located_peaks,
+                scene,
+                memory,
+                seen,
+                span.t,
+                span.h,
+                1 if span.fast else 0,
+                previous,
+            )
     if span.fast:
         for i in range(n):
             observer_state[rows.V_EARLIER, i] = observer_state[rows.V_PREVIOUS, i]
@@ -891,42 +898,22 @@ def record_collapse(law_state, steps, seen):
 # forces at reversals. The time loop receives the addresses of these kernels and of the step as
 # arguments. It is therefore compiled for all laws and methods together.
 
-INITIALIZE_LAWS = I8(TABLE, TABLE, TABLE, TABLE)
-SUM_LAW_ENERGIES = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
+INITIALIZE_LAWS = I8(*SCENE, *MEMORY)
+SUM_LAW_ENERGIES = I8(*SCENE, *MEMORY, *SEEN)
 
-_call_initialize_laws = indirect_caller(INITIALIZE_LAWS)
-_call_sum_law_energies = indirect_caller(SUM_LAW_ENERGIES)
+call_initialize_laws = indirect_caller(INITIALIZE_LAWS)
+"""Call `initialize_laws` by its address, the first argument."""
 
-
-@inline
-def call_initialize_laws(initialize_laws, scene, memory):
-    """Call the kernel `initialize_laws` by its address. It receives plain arrays, because a named
-    tuple cannot be an argument of such a call."""
-    _call_initialize_laws(
-        initialize_laws, scene.linear_terms, scene.law_parameters, memory.state, memory.law_state
-    )
-
-
-@inline
-def update_law_energies(sum_law_energies, scene, memory, seen):
-    """Update the kinetic, strain and hysteretic energy in `seen.totals`, by the address of
-    `sum_law_energies`.
-
-    The energies are computed only when they are needed, because all laws must be evaluated.
-    """
-    _call_sum_law_energies(
-        sum_law_energies,
-        scene.linear_terms,
-        scene.law_parameters,
-        memory.state,
-        memory.law_state,
-        seen.totals,
-    )
+update_law_energies = indirect_caller(SUM_LAW_ENERGIES)
+"""Call `sum_law_energies` by its address, the first argument. The energies are computed only when
+they are needed, because all laws must be evaluated."""
 
 
 @kernel(INITIALIZE_LAWS)
-def initialize_laws(linear_terms, law_parameters, state, law_state):
+def initialize_laws(scene, memory):
     """Move the hysteretic laws of all stories from zero drift to their initial drifts; return 0."""
+    linear_terms, _, law_parameters, _, _ = scene
+    state, law_state, _, _ = memory
     displacement_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
@@ -943,7 +930,7 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
 
 
 @kernel(SUM_LAW_ENERGIES)
-def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
+def sum_law_energies(scene, memory, seen):
     """Store the kinetic, strain and hysteretic energy of the current state in `totals`, J; return
     0.
 
@@ -951,6 +938,9 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     P-delta. The hysteretic energy is the dissipated energy since the start of the run. The energy
     of the braces of dampers is stored separately.
     """
+    linear_terms, _, law_parameters, _, _ = scene
+    state, law_state, _, _ = memory
+    totals = seen.totals
     kinetic = 0.0
     strain = 0.0
     hysteretic = 0.0
