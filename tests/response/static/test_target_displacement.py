@@ -127,10 +127,15 @@ def test_coefficients_of_another_program(period, mass_factor, ratio, c1, c2, dis
     assert found == pytest.approx((c1, c2, displacement), rel=1e-9)
 
 
-@pytest.mark.parametrize(("factor", "limit"), [(0.2, 7.309225574), (0.8, 6.189370653)])
-def test_largest_strength_ratio_of_another_program(factor, limit):
+@pytest.mark.parametrize(
+    ("factor", "slope", "limit"), [(0.2, -0.08, 7.309225574), (0.8, -0.17, 6.189370653)]
+)
+def test_largest_strength_ratio_of_another_program(factor, slope, limit):
     found = largest_strength_ratio(0.2 / 0.04, -0.2, -0.05, factor, 0.45)
     assert found == pytest.approx(limit, rel=1e-9)
+    # The effective negative slope alpha_e, from the exponent 1 + 0.15 ln T
+    effective = -((4.0 * (found - 5.0)) ** (-1.0 / (1.0 + 0.15 * math.log(0.45))))
+    assert effective == pytest.approx(slope, rel=1e-9)
     assert largest_strength_ratio(5.0, 0.1, 0.0, factor, 0.45) == 5.0
 
 

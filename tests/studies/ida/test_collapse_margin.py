@@ -25,6 +25,7 @@ def test_margin_of_four_pairs():
     assert normalization(PGV) == pytest.approx(
         [1.383333333, 0.9222222222, 0.6916666667, 1.092105263], rel=1e-9
     )
+    assert normalization(PGV) * PGV == pytest.approx(41.5, rel=1e-9)
     margin = CollapseMargin.of(PGV, SA, FACTORS, Acceptance.parse(DESIGN), period=1.0)
     assert margin.median_sa / G == pytest.approx(0.415, rel=1e-9)
     assert 0.9 * G / margin.median_sa == pytest.approx(2.168674699, rel=1e-9)
