@@ -400,6 +400,10 @@ def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
     target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
     call = ("scale", "study", *UNITS, *target, "--pairs", "rotd50", "--select", 2)
     tdint(*call, "-o", "study/pairs.csv", code=0)
+    # Without --pairs, a recording is also selected with both components and one factor.
+    joined = rows(tdint("scale", "study", *UNITS, *target, "--select", 2, code=0).stdout)
+    assert len(joined) == 4
+    assert len({(row["record"], row["factor"]) for row in joined}) == 2
     listed = rows("study/pairs.csv")
     relative = "".join(
         f"{Path(row['record']).name},{row['component']},{row['factor']}\n" for row in listed
