@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
+from peer_files import write_at2
 
 MODEL = """
 stories:
@@ -125,3 +126,120 @@ def test_other_commands_refuse_two_directions(both, tdint):
     assert checked["t1_s"] == alone["t1_s"]
     (both / "y.csv").unlink()
     assert "y.csv not found" in tdint("check", "both.yaml").stderr
+
+
+@pytest.fixture
+def pairs(folder):
+    """Write a model of two directions, and five pairs of records."""
+    (folder / "both.yaml").write_text("name: both\n" + MODEL.replace("e+07", "e+06"))
+    time = np.arange(300) * 0.01
+    files = []
+    for number in range(5):
+        for component, omega in (("000", 3.0 + number), ("090", 8.5 - 1.1 * number)):
+            values = 0.05 * np.sin(omega * time) * np.exp(-((time - 1.5) ** 2))
+            files.append(f"RSN{number}_A{component}.AT2")
+            write_at2(folder / files[-1], f"RSN{number}_A, {component}", values)
+    return files
+
+
+def _largest_drift_ratio(tdint, files, scale, larger=False):
+    """Return the largest drift ratio of a run under a pair: the resultant, or with `larger` the
+    larger of both directions."""
+    run = tdint("run", "both.yaml", *files, "--scale", scale, "-q", "--no-check", code=0)
+    drifts = [
+        float(row["peak_drift_ratio"])
+        for row in rows(run.stdout)
+        if (row["direction"] == "resultant") is not larger
+    ]
+    return max(drifts)
+
+
+@pytest.mark.parametrize("larger", [False, True])
+def test_a_pair_is_one_motion_of_a_campaign(folder, tdint, pairs, larger):
+    """The demand is the resultant, or the larger of both directions; the fragility has the number
+    of pairs, and the counts of the runs."""
+    (folder / "study.yaml").write_text(
+        "buildings: {models: [both.yaml]}\n"
+        f"records: {{files: [{', '.join(pairs)}]{', pair_demand: larger' if larger else ''}}}\n"
+        "intensity: {measure: pga, levels: [0.04 g, 0.045 g, 0.05 g, 0.056 g]}\n"
+    )
+    result = tdint("campaign study.yaml -o out --report page.html", code=0)
+    assert "5 pairs of horizontal components: each pair is one motion" in result.stderr
+    runs = rows((folder / "out/runs.csv").read_text())
+    assert len(runs) == 5 * 4 and {run["component"] for run in runs} == {"000+090"}
+    for run in runs[::7]:
+        drift = _largest_drift_ratio(tdint, run["record"].split("+"), run["scale"], larger)
+        assert float(run["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-6)
+    profiles = [
+        row for row in rows((folder / "out/profiles.csv").read_text())
+        if row["quantity"] == "peak_drift_ratio" and row["story"] == "1"
+    ]  # fmt: skip
+    assert [row["runs"] for row in profiles] == ["5"] * 4
+    limit = sorted(float(run["peak_drift_ratio"]) for run in runs)[11]
+    (row,) = rows(tdint("fragility out --threshold", f"{limit:.6g}", code=0).stdout)
+    assert (row["motions"], row["runs"], row["fit"]) == ("5", "20", "stripes")
+    counts = [
+        sum(float(run["peak_drift_ratio"]) > float(f"{limit:.6g}") for run in runs
+            if float(run["level"]) == level)
+        for level in sorted({float(run["level"]) for run in runs})
+    ]  # fmt: skip
+    shares = [float(row[f"bin_{number}_share"]) for number in range(1, 5)]
+    assert shares == pytest.approx([count / 5 for count in counts])
+    page = (folder / "page.html").read_text("utf-8")
+    assert "Direction x:" in page and "Direction y:" in page
+
+
+def test_a_pair_is_one_motion_of_ida(folder, tdint, pairs):
+    """The resultant drift at each capacity is the threshold."""
+    result = tdint(
+        "ida", "both.yaml", *pairs, "--threshold", "1%", "-o", "out", "--report", "page.html",
+        code=0,
+    )  # fmt: skip
+    assert "10 components, 5 recordings, 5 pairs" in result.stderr
+    capacities = [
+        row for row in rows((folder / "out/capacities.csv").read_text()) if row["threshold"]
+    ]
+    found = [row for row in capacities if float(row["threshold"]) == 0.01]
+    assert len(found) == 5
+    levels = rows((folder / "out/ida.csv").read_text())
+    for row in levels[:: len(levels) // 4]:
+        drift = _largest_drift_ratio(tdint, row["record"].split("+"), row["scale"])
+        assert float(row["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-6)
+    (function,) = rows(tdint("fragility out --threshold 1%", code=0).stdout)
+    assert function["motions"] == "5"
+    logarithms = [np.log(float(row["capacity"])) for row in found]
+    assert float(function["theta"]) == pytest.approx(np.exp(np.mean(logarithms)), rel=1e-6)
+    assert "Direction y:" in (folder / "page.html").read_text("utf-8")
+
+
+def test_factors_of_a_table_apply_to_pairs(folder, tdint, pairs):
+    """`tdint scale` lists both components of a pair, with one factor for both."""
+    tdint("scale", *pairs, "--to", "pga=0.05g", "-o", "factors.csv", code=0)
+    listed = rows((folder / "factors.csv").read_text())
+    factors = {row["record"]: row["factor"] for row in listed}
+    runs = rows(tdint("run both.yaml --factors factors.csv", code=0).stdout)
+    assert len(listed) == 10 and len(runs) == 5
+    for run in runs:
+        components = run["record"].split("+")
+        assert [factors[name] for name in components] == [run["scale"]] * 2
+    drift = _largest_drift_ratio(tdint, pairs[2:4], runs[1]["scale"])
+    assert float(runs[1]["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-6)
+    # The rows of a building with one direction are the same.
+    (folder / "one.yaml").write_text(
+        "stories: [{mass: 100000, height: 3, stiffness: 4e+6}]\ndamping: 5%\n"
+    )
+    assert len(rows(tdint("run one.yaml --factors factors.csv", code=0).stdout)) == 10
+    text = (folder / "factors.csv").read_text()
+    (folder / "other.csv").write_text(text.replace(listed[3]["factor"], "9", 1))
+    result = tdint("run both.yaml --factors other.csv")
+    assert result.exit_code == 3
+    assert "RSN1_A000.AT2+RSN1_A090.AT2 have the factors" in result.stderr
+
+
+def test_sequences_of_two_directions_are_refused(folder, tdint, pairs):
+    (folder / "pairs.csv").write_text(f"sequence,record\na,{pairs[0]}\na,{pairs[2]}\n")
+    (folder / "study.yaml").write_text(
+        "buildings: {models: [both.yaml]}\nrecords: {sequences: pairs.csv}\n"
+    )
+    tdint.refused("two directions cannot have sequences ... one direction",
+                  "campaign study.yaml -o out")  # fmt: skip

@@ -35,10 +35,11 @@ if TYPE_CHECKING:
     from tdint.response.spectra.floor_motions import FloorSpectrum
 
 MODEL_LIMITS = (
-    "Each floor is one mass that moves horizontally in one direction. Torsion, floor flexibility, "
-    "overturning, axial forces in columns and the soil are not modeled.",
+    "Each floor is one mass that moves horizontally; the two directions of a ground motion act "
+    "separately. Torsion, floor flexibility, overturning, axial forces in columns and the soil are "
+    "not modeled.",
     "Each story is one spring between two floors. Columns, beams and joints are represented only "
-    "by the hysteretic law of their story. The two directions of a ground motion act separately.",
+    "by the hysteretic law of their story.",
     "The hysteretic laws of stories are independent; strength does not depend on axial force.",
 )
 """Simplifications of a shear building."""
@@ -61,6 +62,15 @@ def model_chapter(
         Peak responses of a run. If the building has isolators, the chapter also states the period
         with the secant stiffness of the isolators at these peak drifts.
     """
+    if model.across is not None:
+        bases = base.directions if base else (None, None)
+        chapters = [
+            model_chapter(part, units, peaks, of_base)
+            for part, of_base in zip(model.directions, bases, strict=True)
+        ]
+        along = zip("xy", chapters, strict=True)
+        by_direction = [(f"Direction {axis}:", *chapter.parts) for axis, chapter in along]
+        return Chapter(chapters[0].title, [part for parts in by_direction for part in parts])
     building = assemble(model)
     damping = building.first_mode()[1]
     p_delta = "with P-delta" if model.has_p_delta else "without P-delta"
@@ -440,7 +450,13 @@ def motion_chapter(
     """
     parts: list[Part] = list(scaled)
     drawn = drawn or any(isinstance(part, Picture) for part in scaled)
-    for number, level in enumerate(levels[:_MAX_LEVELS], start=1):
+    for number, pairs in enumerate(levels[:_MAX_LEVELS], start=1):
+        # A motion along two axes is shown as its components.
+        level = [
+            (component, factor)
+            for record, factor in pairs
+            for component in getattr(record, "components", (record,))
+        ]
         # A factor that all ground motions share is stated only one time.
         records = [record.scaled(factor) for record, factor in level]
         factors = {factor for _, factor in level}
@@ -472,7 +488,9 @@ def unscaled_motions(records: Sequence[Record], model: Model, units: OutputUnits
     """Return the chapter of ground motions that are not scaled, with the first period of a building
     in their spectra; without content if there are no ground motions."""
     levels = [[(record, 1.0) for record in records]] if records else []
-    return motion_chapter(levels, units, periods=[(model.name, first_period(model))])
+    names = [model.name] if model.across is None else [f"{model.name}, {axis}" for axis in "xy"]
+    periods = zip(names, map(first_period, model.directions), strict=True)
+    return motion_chapter(levels, units, periods=[*periods])
 
 
 def assumptions(step: str, more: Sequence[str]) -> Chapter:

@@ -19,7 +19,9 @@ from scipy.spatial import cKDTree
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, TdintError
+from tdint.ground_motion.axes import PairRecord
 from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import with_component
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
 from tdint.response.spectra.elastic import SA_DAMPING
 from tdint.studies.campaign.chunks import Run
@@ -475,23 +477,30 @@ class FactorTable:
     def of(self, motion: SuiteMotion) -> Mapping[float, float]:
         """Return the scale factors of a motion with their levels. The table may list the motion by
         its name, by the name of its file without the directory, or by the name of the pair to which
-        it belongs.
+        it belongs. A pair along the axes of a building has the common factors of its components.
 
         Raises
         ------
         ModelError
-            The table has no factor for the motion.
+            The table has no factor for the motion, or different factors for the components.
         """
         # The ground motion of a component of a pair is the pair. The ground motion of a single
         # record is the record.
         ground_motion = motion.ground_motion
         names = dict.fromkeys([motion.name, Path(motion.name).name, ground_motion.source])
-        # A row with an empty component applies to all components.
-        components = dict.fromkeys([motion.component, ground_motion.component, ""])
         for name in names:
-            for component in components:
+            for component in component_names_of(motion):
                 if (name, component) in self.by_name:
                     return self.by_name[name, component]
+        if isinstance(motion.record, PairRecord):
+            first, second = (self.of(part) for part in suite_motions([ground_motion]))
+            if [*first] != [*second]:
+                raise ModelError(
+                    f"{self.source}: the components of {motion.name} have the factors "
+                    f"{_factors_text(first)} and {_factors_text(second)}; buildings with two "
+                    "directions require the same factors of both"
+                )
+            return first
         raise ModelError(
             f"{self.source}: no factor for {motion.name} {motion.component}; add a row for it, or "
             "remove the key `files` to use only the records of the table"
@@ -551,6 +560,13 @@ class FactorTable:
             levels = {str(motion): [*rows.values()] for motion, rows in self.by_motion.items()}
             settings |= {"factor_levels": levels, "level_unit": self.level_unit}
         return settings
+
+
+def component_names_of(motion: SuiteMotion) -> list[str]:
+    """Return the names by which a table of factors can list the component of a motion: also that
+    of its file name, which `tdint scale` writes for pairs. An empty name is all components."""
+    names = [motion.component, motion.record.component, motion.ground_motion.component]
+    return [*dict.fromkeys([*names, with_component(motion.record, in_degrees=True).component, ""])]
 
 
 def _factors_text(factors: Iterable[float]) -> str:

@@ -43,6 +43,7 @@ from tdint.studies.campaign.assigned_motions import (
     GridFile,
     GridMotions,
     SiteMotions,
+    component_names_of,
     meters,
     nearest,
 )
@@ -140,10 +141,10 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
     else:
         motions = _READERS[type(campaign.records)](campaign.records)
     if any(model.across for model in models):
-        if motions.site_motions is not None:
+        if motions.site_motions is not None or isinstance(campaign.records, SequenceFile):
             raise UsageError(
-                f"{campaign.source}: buildings with two directions cannot have motions of sites; "
-                "list the records of all buildings"
+                f"{campaign.source}: buildings with two directions cannot have sequences or motions "
+                "of sites; list the records of all buildings, or use models with one direction"
             )
         along = motions_along_axes(motions.motions, models, campaign.source, campaign.pair_demand)
         demand = "the larger demand" if campaign.pair_demand else "the resultant demands"
@@ -699,7 +700,7 @@ def read_listed(
     # selected by the user, its full name, or empty for all components of the file.
     motions_of_row: dict[tuple[str, str], list[SuiteMotion]] = {row: [] for row in table.by_name}
     for motion in suite_motions(suite.motions):
-        for component in dict.fromkeys((motion.component, motion.record.component, "")):
+        for component in component_names_of(motion):
             if (motion.name, component) in motions_of_row:
                 motions_of_row[motion.name, component].append(motion)
                 break
