@@ -143,8 +143,9 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
     if any(model.across for model in models):
         if motions.site_motions is not None or isinstance(campaign.records, SequenceFile):
             raise UsageError(
-                f"{campaign.source}: buildings with two directions cannot have sequences or motions "
-                "of sites; list the records of all buildings, or use models with one direction"
+                f"{campaign.source}: buildings with two directions cannot have sequences or "
+                "motions of sites; list the records of all buildings, or use models with one "
+                "direction"
             )
         along = motions_along_axes(motions.motions, models, campaign.source, campaign.pair_demand)
         demand = "the larger demand" if campaign.pair_demand else "the resultant demands"
