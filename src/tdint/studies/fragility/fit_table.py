@@ -657,8 +657,23 @@ def fit_states(
     def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
         """Fit each state to the runs that a mask selects, with errors in place of functions."""
         if selected_fit == CLOUD:
+            # Demands above the range count only as lower limits. A collapse has a probability of
+            # its own: the drift where the run was stopped is not used.
+            rows = is_used & (runs.demand > 0.0)
+            demand, largest = runs.demand[rows], request.edp_range[1]
+            collapsed = np.isinf(demand)
             try:
-                return [*_cloud(runs, censored, is_used, medians, request.edp_range[1], dispersion)]
+                return [
+                    *fit_cloud(
+                        runs.im[rows],
+                        np.where(collapsed, 0.0, np.minimum(demand, largest)),
+                        medians,
+                        (censored[rows] | (demand >= largest)) & ~collapsed,
+                        collapsed=collapsed,
+                        weight=runs.weight[rows],
+                        dispersion=dispersion,
+                    )
+                ]
             except AnalysisError as error:
                 return [AnalysisError(f"{name}: {error}") for name in states]
         fits: list[Fragility | AnalysisError] = []
@@ -709,33 +724,6 @@ def _bounds(
         except AnalysisError:
             bounds.append(None)
     return bounds[0], bounds[1]
-
-
-def _cloud(
-    runs: SuiteRuns,
-    censored: NDArray[np.bool_],
-    is_used: NDArray[np.bool_],
-    medians: Array,
-    largest: float,
-    dispersion: float,
-) -> list[Fragility]:
-    """Fit functions to a line through the logarithms of the demands over the intensities.
-
-    Demands of at least `largest` count only as lower limits. A collapse exceeds every threshold and
-    has a probability of its own: the drift where the run was stopped is not used.
-    """
-    is_used = is_used & (runs.demand > 0.0)
-    demand = runs.demand[is_used]
-    collapsed = np.isinf(demand)
-    return fit_cloud(
-        runs.im[is_used],
-        np.where(collapsed, 0.0, np.minimum(demand, largest)),
-        medians,
-        (censored[is_used] | (demand >= largest)) & ~collapsed,
-        collapsed=collapsed,
-        weight=runs.weight[is_used],
-        dispersion=dispersion,
-    )
 
 
 def _by_threshold(

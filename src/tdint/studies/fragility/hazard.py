@@ -202,33 +202,18 @@ class HazardCurve:
         gradient = np.array([by_theta, by_beta])
         return math.sqrt(gradient @ function.covariance @ gradient)
 
-    def risk_target(
-        self,
-        probability: float = TARGET_PROBABILITY,
-        *,
-        years: float = YEARS,
-        beta: float = TARGET_BETA,
-        percentile: float = TARGET_PERCENTILE,
-    ) -> tuple[float, float]:
-        """Return the median collapse intensity with a probability of collapse in a period of time,
-        and the intensity with a conditional probability of collapse, both in the unit of the
-        curve.
-
-        Parameters
-        ----------
-        probability : float
-            Probability of collapse in `years`.
-        percentile : float
-            Conditional probability of collapse at the second intensity.
-        """
+    def risk_target(self) -> tuple[float, float]:
+        """Return the median collapse intensity of the risk target, and the intensity with its
+        conditional probability of collapse, both in the unit of the curve."""
         from scipy.optimize import brentq
 
-        target = math.log(-math.log1p(-probability) / years)
+        target = math.log(rate_of(TARGET_PROBABILITY, YEARS))
         ends = math.log(self.im[0]) - _FAR, math.log(self.im[-1]) + _FAR
         ln_theta = brentq(
-            lambda value: self._ln_contributions(math.exp(value), beta) - target, *ends
+            lambda value: self._ln_contributions(math.exp(value), TARGET_BETA) - target, *ends
         )
-        return math.exp(ln_theta), math.exp(ln_theta + float(ndtri(percentile)) * beta)
+        deviation = float(ndtri(TARGET_PERCENTILE)) * TARGET_BETA
+        return math.exp(ln_theta), math.exp(ln_theta + deviation)
 
     def in_unit(self, function: Fragility) -> HazardCurve:
         """Return the curve in the unit of the intensities of a function.
