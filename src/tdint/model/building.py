@@ -417,9 +417,7 @@ class Building:
 
     def _spring_matrix(self, springs: Array) -> Array:
         """Return the matrix of springs or dampers, shape (masses, masses)."""
-        if self.branched:
-            return np.asarray((self.deformations.T * springs) @ self.deformations)
-        return _tridiagonal(springs, self.linear_terms[rows.LINK, :-1])
+        return np.asarray((self.deformations.T * springs) @ self.deformations)
 
     def damping_matrix(self) -> Array:
         """Return the damping matrix without power-law dashpots, N s/m, shape (n, n): the sum of the
@@ -555,20 +553,6 @@ def period(omega: float) -> float:
     return 2.0 * math.pi / omega if omega else math.inf
 
 
-def _tridiagonal(springs: Array, link: Array) -> Array:
-    """Return the matrix of springs between neighboring floors, shape (n, n).
-
-    Spring i connects floors i and i - 1. If element i of `link` is 0 instead of 1, spring i
-    connects floor i to the ground.
-    """
-    # A diagonal entry is the sum of the spring below the floor and, if it is connected to the
-    # floor, the spring above.
-    coupling = -(springs * link)[1:]
-    diagonal = springs.copy()
-    diagonal[:-1] -= coupling
-    return np.diag(diagonal) + np.diag(coupling, 1) + np.diag(coupling, -1)
-
-
 def _without_links(linear_terms: Array, values: Array, stiffness: Array | None = None) -> Array:
     """Return the values of the springs without the links that have no spring (first axis), by their
     stiffness; default: the values."""
@@ -682,9 +666,12 @@ def _assemble_springs(model: Model, samples: tuple[int, ...]) -> Building:
     linear_terms[rows.STORY_DAMPER, ..., :n] = linear_terms[rows.DASHPOT, ..., :n] = dashpots
     for i, story in enumerate(stories):
         linear_terms[rows.DAMPER_FACTOR, ..., i] = story.damper_factor
-        if story.power_dashpot is not None:
-            for row, number in dashpot_rows(story.power_dashpot, story.damper_factor):
-                linear_terms[row, ..., i] = number
+        if damper := story.power_dashpot:
+            row_numbers = partial(dashpot_rows, story.damper_factor)
+            numbers = *damper[:4], *(damper.relief or (None, None))
+            table = np.array(of_samples(row_numbers, *numbers))
+            dashpot = table[..., 0].reshape(-1, table.shape[-2])[0].astype(int)
+            linear_terms[dashpot, ..., i] = table[..., 1].T.reshape(-1, *linear_terms.shape[1:-1])
         linear_terms[rows.STIFFENING, ..., i] = rows.UNLIMITED * _can_stiffen(story)
     for i in range(floors, n):
         own_law = stories[i].law

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -120,9 +121,10 @@ def add_damping(
         )
         return modal
     if isinstance(damping, RayleighRatio):
-        damping = _rayleigh_of_samples(
-            damping, [vibration.frequency(mode) for mode in damping.modes]
-        )
+        frequencies = [vibration.frequency(mode) for mode in damping.modes]
+        result = of_samples(partial(_rayleigh_of, damping), *damping.ratios, *frequencies)
+        coefficients: list[Any] = list(np.array(result).T)
+        damping = RayleighCoefficients(coefficients[0], coefficients[1], damping.tangent)
     if damping is None:
         return np.zeros((0, *linear_terms.shape[1:]))
     return _add_rayleigh_damping(linear_terms, stiffness, model, damping)
@@ -171,20 +173,10 @@ def _add_rayleigh_damping(
     return np.array(between_floors).reshape(len(between_floors), *linear_terms.shape[1:])
 
 
-def _rayleigh_of_samples(damping: RayleighRatio, frequencies: list[Any]) -> RayleighCoefficients:
-    """Return the coefficients of `rayleigh`, as arrays if ratios or frequencies are arrays over
-    samples."""
-
-    def coefficients(numbers: Sequence[float]) -> RayleighCoefficients:
-        """Return the coefficients of one sample, from its ratios and frequencies."""
-        count = len(damping.ratios)
-        return rayleigh(damping._replace(ratios=tuple(numbers[:count])), *numbers[count:])
-
-    result = of_samples(coefficients, *damping.ratios, *frequencies)
-    if isinstance(result, RayleighCoefficients):
-        return result
-    mass, stiffness, _ = result.T
-    return RayleighCoefficients(mass, stiffness, damping.tangent)
+def _rayleigh_of(damping: RayleighRatio, numbers: Sequence[float]) -> RayleighCoefficients:
+    """Return the result of `rayleigh` for other ratios, followed by the frequencies."""
+    count = len(damping.ratios)
+    return rayleigh(damping._replace(ratios=tuple(numbers[:count])), *numbers[count:])
 
 
 def rayleigh(damping: RayleighRatio, *frequencies: float) -> RayleighCoefficients:

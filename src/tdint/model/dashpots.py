@@ -2,34 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from tdint.kernels import layout as rows
-from tdint.model.story import PowerDashpot, Relief
-from tdint.model.story_laws import of_samples
 
 
-def dashpot_rows(damper: PowerDashpot, factor: float) -> Iterator[tuple[int, Any]]:
-    """Yield rows of the linear terms with their numbers for a power-law dashpot (`_numbers`), which
-    are arrays if numbers of the dashpot are arrays over samples."""
-    *of_damper, relief = damper
-
-    def of_sample(values: Sequence[Any]) -> list[tuple[int, float]]:
-        """Return rows and numbers of one sample."""
-        limited = Relief(*values[4:]) if relief else None
-        return list(_numbers(PowerDashpot._make((*values[:4], limited)), factor))
-
-    table = of_samples(of_sample, *of_damper, *(relief or ()))
-    if isinstance(table, list):
-        yield from table
-        return
-    for k, row in enumerate(table[0, :, 0].tolist()):
-        yield int(row), table[:, k, 1]
-
-
-def _numbers(damper: PowerDashpot, factor: float) -> Iterator[tuple[int, float]]:
-    """Yield rows of the linear terms with their numbers for a power-law dashpot.
+def dashpot_rows(factor: float, numbers: Sequence[Any]) -> list[tuple[int, float]]:
+    """Return rows of the linear terms with their numbers for a power-law dashpot with the numbers
+    `dashpot_numbers`.
 
     The force of a dashpot without a brace at the drift rate v is c v (v^2 + v0^2)^POWER. For |v|
     much larger than v0 it is c |v|^exponent, so POWER = (exponent - 1) / 2. With the `factor` of an
@@ -37,21 +18,25 @@ def _numbers(damper: PowerDashpot, factor: float) -> Iterator[tuple[int, float]]
     by the factor, and the stiffness of the brace is multiplied by the square of the factor. The
     relief force is multiplied by the factor.
     """
-    coefficient, threshold = damper.coefficient, damper.linear_below
+    coefficient, exponent, threshold, brace, relief_force, relief_ratio = numbers
     if factor != 1.0:
-        coefficient *= factor ** (1.0 + damper.exponent)
+        coefficient *= factor ** (1.0 + exponent)
         threshold /= factor
-    if damper.brace is None:
-        yield rows.POWER_DAMPER, coefficient
-        yield rows.POWER, 0.5 * (damper.exponent - 1.0)
-        yield rows.THRESHOLD, threshold**2
-        return
+    if brace is None:
+        return [
+            (rows.POWER_DAMPER, coefficient),
+            (rows.POWER, 0.5 * (exponent - 1.0)),
+            (rows.THRESHOLD, threshold**2),
+        ]
     # A brace that the force at 1 m/s deforms by less than 1e-12 m is rigid. A stiffer one would
     # have only rounding errors.
-    yield rows.BRACE, min(damper.brace * factor**2, 1e12 * coefficient)
-    yield rows.BRACED_DAMPER, coefficient
-    yield rows.BRACED_EXPONENT, damper.exponent
-    yield rows.BRACED_THRESHOLD, threshold**2
-    if damper.relief is not None:
-        yield rows.BRACED_RELIEF, damper.relief.force * factor
-        yield rows.BRACED_RELIEF_RATIO, damper.relief.ratio
+    result = [
+        (rows.BRACE, min(brace * factor**2, 1e12 * coefficient)),
+        (rows.BRACED_DAMPER, coefficient),
+        (rows.BRACED_EXPONENT, exponent),
+        (rows.BRACED_THRESHOLD, threshold**2),
+    ]
+    if relief_force is not None:
+        result.append((rows.BRACED_RELIEF, relief_force * factor))
+        result.append((rows.BRACED_RELIEF_RATIO, relief_ratio))
+    return result

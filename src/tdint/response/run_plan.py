@@ -82,27 +82,24 @@ class RunsRequest:
         A batch has one form of the compiled loops: the samples must agree in the features that
         determine it.
         """
-        subject, of_runs = self.subjects[model], list(dict.fromkeys(draws))
-        method, building = subject.integrator, subject.model
-        if len(of_runs) < _FEWEST_SAMPLES or self.check or not building.has_samples:
+        method, building = self.subjects[model].integrator, self.subjects[model].model
+        if len(set(draws)) < _FEWEST_SAMPLES or self.check or not building.has_samples:
             return None
         if method.family.prepare is not None or method.stability_limit != math.inf:
             return None
-        numbers = {name: values[of_runs] for name, values in self.building_parameters.items()}
-        has_value = {name: ~np.isnan(values) for name, values in numbers.items()}
-        if any(known.any() != known.all() for known in has_value.values()):
+        numbers = {name: values[draws] for name, values in self.building_parameters.items()}
+        numbers = {name: values for name, values in numbers.items() if not np.isnan(values).all()}
+        if any(np.isnan(values).any() for values in numbers.values()):
             return None
-        numbers = {name: values for name, values in numbers.items() if has_value[name].all()}
         try:
-            many = assemble(building.changed(numbers), (len(of_runs),))
+            many = assemble(building.changed(numbers), (len(draws),))
         except (UsageError, ModelError):
             return None
         first = many.linear_terms[:, :1] != 0.0
         if np.any((many.linear_terms != 0.0) != first) or not many.modal.any(axis=-1).all():
             return None
         limits = collapse_limits(many, building.collapse_drift)
-        index = {draw: sample for sample, draw in enumerate(of_runs)}
-        return SampleTables(many, limits, [index[draw] for draw in draws])
+        return SampleTables(many, limits, lambda i: self.varied(model, draws[i]))
 
     def check_draws(self, but: Set[int]) -> None:
         """Raise UsageError if the name or a value of a varied parameter is invalid for a building.

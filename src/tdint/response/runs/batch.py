@@ -280,7 +280,6 @@ def run_batch(
     histories: tuple[int, Callable[[int, Array], None]] | None = None,
     status_only: bool = False,
     samples: SampleTables | None = None,
-    subject_of: Callable[[int], Subject] | None = None,
 ) -> Outcomes:
     """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
     bit.
@@ -299,8 +298,6 @@ def run_batch(
         details of its message.
     samples : SampleTables, optional
         Other numbers of the building in each run, whose arrays are changed.
-    subject_of : callable, optional
-        Function of the number of a run that returns its building, with `samples`.
 
     Raises
     ------
@@ -314,7 +311,7 @@ def run_batch(
     def case(i: int) -> Case:
         """Return the case of run `i`."""
         record, scale, _ = runs[i]
-        return (subject_of(i) if subject_of else subject).case(record, scale)
+        return (samples.subject_of(i) if samples else subject).case(record, scale)
 
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
@@ -365,8 +362,7 @@ def run_batch(
         on_history=on_history,
         samples=samples,
     )
-    of_runs = building if samples is None else samples.of_all_runs
-    outcomes = Outcomes.of(of_runs, batch, to_rest)
+    outcomes = Outcomes.of(samples.building if samples else building, batch, to_rest)
     # A failed run is integrated again only if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():
         run_case, steps = case(i), runs[i][2]

@@ -193,38 +193,25 @@ class SampleTables(NamedTuple):
     Attributes
     ----------
     building : Building
-        Building of many samples (`tdint.model.building.assemble`).
-    limits : ndarray, shape (LIMIT_ROWS, samples, n)
+        Building of many samples (`tdint.model.building.assemble`), one for each run.
+    limits : ndarray, shape (LIMIT_ROWS, runs, n)
         Limits of the samples (`tdint.methods.workspace.collapse_limits`).
-    of_runs : sequence of int
-        Sample of each run.
+    subject_of : callable
+        Function of the index of a run that returns its building alone (`Subject`).
     """
 
     building: Building
     limits: Array
-    of_runs: Sequence[int]
-
-    @property
-    def of_all_runs(self) -> Building:
-        """Building whose samples are the runs, for their results."""
-        many, samples = self.building, np.array(self.of_runs)
-        heights = np.broadcast_to(many.heights, many.yield_drift.shape)
-        return replace(
-            many,
-            linear_terms=many.linear_terms[:, samples],
-            law_parameters=many.law_parameters[:, samples],
-            heights=heights[samples],
-            yield_drift=many.yield_drift[samples],
-        )
+    subject_of: Callable[[int], Any]
 
     def write(self, run: int, building: Building, space: Workspace, h: float) -> None:
         """Write the tables of a run to the arrays of a building and of a time integration."""
-        many, sample = self.building, self.of_runs[run]
-        building.linear_terms[:] = many.linear_terms[:, sample]
-        building.law_parameters[:] = many.law_parameters[:, sample]
-        building.modal[:] = many.modal[:, sample]
-        space.limits[:] = self.limits[:, sample]
-        space.flags[rows.UNRESOLVED_MODES] = many.fastest[sample] * h > MAX_RESOLVED_OMEGA_DT
+        many = self.building
+        building.linear_terms[:] = many.linear_terms[:, run]
+        building.law_parameters[:] = many.law_parameters[:, run]
+        building.modal[:] = many.modal[:, run]
+        space.limits[:] = self.limits[:, run]
+        space.flags[rows.UNRESOLVED_MODES] = many.fastest[run] * h > MAX_RESOLVED_OMEGA_DT
 
 
 class RestCriterion(NamedTuple):

@@ -484,7 +484,6 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             if result.history
             else None,
             samples=samples,
-            subject_of=functools.partial(_subject_of, request, runs) if samples else None,
         )
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
@@ -500,11 +499,6 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
         for i, failure in outcomes.failures.items():
             histories.store_history(numbers[i], None, result.every)
             result.failures[numbers[i]] = str(failure)
-
-
-def _subject_of(request: RunsRequest, runs: Sequence[RunSpec], i: int) -> Subject:
-    """Return the building of run `i`."""
-    return request.varied(runs[i].model, runs[i].draw)
 
 
 def _batches(

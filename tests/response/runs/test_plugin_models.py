@@ -1,0 +1,135 @@
+"""Public models whose laws are plug-ins (tests/methods/recipes), against
+`scipy.integrate.solve_ivp`: Bouc-Wen with a gamma of its own, and asymmetric; a self-centering
+oscillator; contact of Hertz."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import tdint
+from registered import plain as interpreted  # noqa: F401
+
+RECIPES = Path(__file__).parents[2] / "methods/recipes"
+TIME = 0.01 * np.arange(301)
+MOTION = 2.4 * np.sin(6.1 * TIME) * np.exp(-0.3 * TIME) + 1.1 * np.sin(13.0 * TIME)
+RECORD = tdint.make_record(MOTION, dt=0.01, units="m/s^2")
+BOUC_WEN = {
+    "gamma above beta": {"beta": 0.2, "gamma": 0.8},
+    "stiffening": {"exponent": 1.0, "beta": 0.8, "gamma": -1.1},  # of Noel and Schoukens
+    "asymmetric": {"beta": 0.6, "gamma": 0.3, "direction": 0.15, "side": -0.05},
+}
+
+
+@pytest.mark.parametrize("name", BOUC_WEN)
+def test_bouc_wen(name, interpreted):  # noqa: F811
+    tdint.load_plugin(RECIPES / "general_bouc_wen.py")
+    numbers = {"beta": 0.0, "gamma": 0.0, "direction": 0.0, "side": 0.0, **BOUC_WEN[name]}
+    mass, k, a, strength, dashpot = 2e3, 1e5, 0.1, 2e3, 1e3
+    n = BOUC_WEN[name].get("exponent", 1.4)
+    law = {"type": "general-bouc-wen", "force": strength, "hardening": a, "exponent": n}
+    story = {"mass": mass, "stiffness": k, "dashpot": dashpot, "law": law | BOUC_WEN[name]}
+    model = tdint.load_model({"stories": [story], "plausibility": "off, test"})
+
+    def rate(t, y):
+        u, v, z = y
+        p = numbers["beta"] * np.sign(v * z) + numbers["gamma"]
+        p += numbers["direction"] * np.sign(v) + numbers["side"] * np.sign(z)
+        change = (1.0 - a) * k * v * (1.0 - abs(z / strength) ** n * p)
+        force = a * k * u + z + dashpot * v
+        return [v, -force / mass - np.interp(t, TIME, MOTION), change]
+
+    solution = solve_ivp(
+        rate, (0.0, 3.0), [0.0] * 3, rtol=1e-9, atol=1e-9, max_step=0.002, t_eval=TIME
+    )
+    history = tdint.run(
+        model, RECORD, method="newmark-average", dt=0.0025, history=True, check=False
+    ).history
+    peak = np.abs(solution.y[0]).max()
+    computed = history.displacement[: 4 * TIME.size : 4, 0][: TIME.size]
+    np.testing.assert_allclose(computed, solution.y[0], rtol=0.0, atol=1e-3 * peak)
+    # The hysteresis matters: without it, z would be (1 - a) k u.
+    assert np.abs(solution.y[2] - (1.0 - a) * k * solution.y[0]).max() > 0.3 * strength
+
+
+def test_self_centering_oscillator(interpreted):  # noqa: F811
+    """The flag is a multilinear law with rounded corners in the reference: a small viscous spring
+    decides between its two lines."""
+    tdint.load_plugin(RECIPES / "flag.py")
+    mass, k, strength, a, loss = 2e3, 1e5, 2e3, 0.05, 0.6
+    law = {"type": "flag", "yield_force": strength, "hardening": a, "loss": loss}
+    story = {"mass": mass, "stiffness": k, "dashpot": 1e3, "law": law}
+    model = tdint.load_model({"stories": [story], "plausibility": "off, test"})
+    width = loss * strength  # the spring s slides between 0 and the width of the flag
+
+    def force_of(u, f_before, du):
+        """Force after a small change of the displacement."""
+        dy, side = strength / k, np.sign(u) or 1.0
+        upper = max(k * dy + a * k * (abs(u) - dy), 0.0)
+        lower = upper - width
+        elastic = f_before * side + k * du * side
+        return side * (min(k * abs(u), max(lower, min(upper, elastic))))
+
+    u, v, f, peak, h = 0.0, 0.0, 0.0, 0.0, 2e-5
+    displacement = [0.0]
+    for step in range(1, 150_001):
+        ground = np.interp((step - 0.5) * h, TIME, MOTION)
+        v += h * (-(f + 1e3 * v) / mass - ground)
+        f = force_of(u + h * v, f, h * v)
+        u += h * v
+        peak = max(peak, abs(u))
+        if step % 500 == 0:
+            displacement.append(u)
+    result = tdint.run(
+        model, RECORD, method="newmark-average", dt=0.0025, history=True, check=False
+    )
+    computed = result.history.displacement[: 4 * TIME.size : 4, 0][: TIME.size]
+    np.testing.assert_allclose(computed, displacement, rtol=0.0, atol=3e-3 * peak)
+    assert peak > 3.0 * strength / k
+
+
+def test_contact_of_hertz(interpreted):  # noqa: F811
+    """Two oscillators that collide: peaks and the force of the contact."""
+    tdint.load_plugin(RECIPES / "hertz.py")
+    mass, k, c = np.array([9e4, 6e4]), np.array([9e6, 2.4e7]), np.array([6e4, 8e4])
+    gap, coefficient = 0.01, 4e7
+    model = tdint.load_model(
+        {
+            "stories": [{"mass": mass[0], "stiffness": k[0], "dashpot": c[0]}],
+            "plausibility": "off, test",
+            "attachments": [
+                {
+                    "name": "east",
+                    "floor": "ground",
+                    "mass": mass[1],
+                    "stiffness": k[1],
+                    "dashpot": c[1],
+                }
+            ],
+            "links": [
+                {
+                    "name": "joint",
+                    "from": 1,
+                    "to": "east",
+                    "law": {"type": "hertz", "gap": gap, "coefficient": coefficient},
+                }
+            ],
+        }
+    )
+
+    def rate(t, y):
+        contact = coefficient * max(y[1] - y[0] - gap, 0.0) ** 1.5
+        force = k * y[:2] + c * y[2:] + contact * np.array([-1.0, 1.0])
+        return [*y[2:], *(-force / mass - np.interp(t, TIME, MOTION))]
+
+    solution = solve_ivp(rate, (0.0, 3.0), [0.0] * 4, rtol=1e-9, atol=1e-10, max_step=0.001)
+    depth = np.maximum(solution.y[1] - solution.y[0] - gap, 0.0)
+    result = tdint.run(model, RECORD, method="impulse4", dt=0.0025, check=False)
+    assert result.devices.stories.peak_shear[1] == pytest.approx(
+        coefficient * depth.max() ** 1.5, rel=1e-4
+    )
+    assert result.stories.peak_displacement[0] == pytest.approx(
+        np.abs(solution.y[0]).max(), rel=1e-4
+    )
+    assert depth.max() > 0.005
