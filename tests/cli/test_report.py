@@ -482,9 +482,9 @@ A4 = (595.3, 841.9)
 """Points."""
 
 
-def check_fullness(file: str, least: float = 0.7, short_pages: int = 1) -> None:
-    """Check that on A4 each page of a report is full to 70 % (`least`), all pages but one
-    (`short_pages`) and the last page to 80 %, and the last page to 15 %."""
+def check_fullness(file: str) -> None:
+    """Check that on A4 each page of a report is full to 70 %, all pages but one and the last page
+    to 80 %, and the last page to 15 %."""
     assert not re.search(r"\de[+-]\d", page(file).text)
     printed(file)
     subprocess.run(["pdftoppm", "-r", "40", "-png", "page.pdf", "sheet"], check=True)
@@ -496,8 +496,8 @@ def check_fullness(file: str, least: float = 0.7, short_pages: int = 1) -> None:
         inked = np.flatnonzero((area.min(axis=2) < 0.8).any(axis=1))
         fullness.append(inked[-1] / (263 * mm))
     *pages, last = fullness
-    assert last > 0.15 and min(pages, default=1.0) > least, fullness
-    assert sum(part <= 0.80 for part in pages) <= short_pages, fullness
+    assert last > 0.15 and min(pages, default=1.0) > 0.7, fullness
+    assert sum(part <= 0.80 for part in pages) <= 1, fullness
 
 
 def printed(file: str) -> list[tuple[str, float, float]]:

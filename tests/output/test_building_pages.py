@@ -1,15 +1,19 @@
 """The stories of a building in a report: parameters of laws in columns, common properties in a
 sentence, and differences from another building."""
 
-import dataclasses
-
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tdint import load_model
-from tdint.output.page import Chapter, PageText, Table, page
+from tdint.output.page import Chapter, PageText, Picture, Table, page
 from tdint.output.report import model_chapter
 from tdint.output.tables.buildings import model_table
-from tdint.studies.campaign.suite_report import _drifts_of_buildings, _ratio_parts
+from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.story_profiles import Profile
+from tdint.studies.campaign.suite_report import _drifts_of_buildings, _ratio_parts, _statistics
+from tdint.studies.motions.outcomes import COMPLETED
 from tdint.units import parse_output_units
 
 UNITS = parse_output_units("kN,m")
@@ -64,16 +68,80 @@ def test_an_isolator_is_below_the_stories_of_the_other_building():
     assert "linear; isolator" in table.rows[0] and "plastic_drift" not in table.columns
 
 
-def test_a_short_table_moves_to_a_new_page_with_its_heading():
-    """The first page has space for a heading and some rows, but not for the table."""
-    table = Table.of_units({"story": "1", "value": "1"}, [(i, float(i)) for i in range(9)])
-    lines = ["line " * 18] * 42
-    chapters = [Chapter("First", (lines,)), Chapter("Second", ("The table:", table))]
-    text = page("title", "About.", chapters, PageText(inputs=())).decode()
-    assert '<h2 class="n">Second</h2>' in text and '<table class="w">' in text
-    few = [dataclasses.replace(chapters[0], parts=(lines[:5],)), chapters[1]]
-    text = page("title", "About.", few, PageText(inputs=())).decode()
-    assert "<h2>Second</h2>" in text and '<table class="w">' in text
+def test_a_short_table_is_not_divided_and_a_wide_one_is_continued():
+    def shown(rows, columns, cell=1.0):
+        units = {"story": "1"} | {f"value{i}": "1" for i in range(columns)}
+        table = Table.of_units(units, [(i, *[cell] * columns) for i in range(rows)])
+        chapter = Chapter("Second", ("The table:", table))
+        return page("title", "About.", [chapter], PageText(inputs=())).decode()
+
+    assert '<p class="k">The table:</p>\n<table class="w">' in shown(9, 1)
+    assert '<p class="k">The table:</p>\n<table><thead>' in shown(10, 1)
+    # Twelve narrow columns fit on A4, sixteen columns of long numbers do not.
+    assert shown(3, 11).count("<table") == 1
+    wide = shown(3, 15, 123456.7)
+    assert wide.count("<table") == 2 and wide.count("<th>story</th>") == 2
+
+
+def test_a_tall_first_figure_is_on_the_first_page():
+    """The figure has the space that the text leaves; a figure that fits has its own height."""
+
+    def shown(lines, height):
+        picture = Picture(lambda: Figure(figsize=(4.0, height)), "caption")
+        chapters = [Chapter("Result", ("line " * 18,) * lines + (picture,))]
+        text = page("title", "About.", chapters, PageText(inputs=())).decode()
+        return "<section>" in text, text.index("<figure>") < text.index("</body>")
+
+    assert shown(2, 6.0) == (True, True)
+    assert shown(2, 2.0) == (False, True)  # it fits with its own height
+    assert shown(30, 6.0) == (False, True)  # too little space remains
+
+
+def test_the_means_of_variants_have_a_column_for_each_building():
+    old, new = profile("old", 3), profile("new", 4, isolators=(1,))
+    (chapter,) = _statistics([old, new], UNITS, {}, has_variants=True)
+    assert chapter.title == "Means in each story, scale 1"
+    assert [part for part in chapter.parts if isinstance(part, str)] == [
+        "Drift ratio:",
+        "Residual drift:",
+        "Shear with the forces of dashpots and of P-delta:",
+        "Absolute acceleration of the floor above the story:",
+    ]
+    drifts, residuals, shears, _ = (part for part in chapter.parts if isinstance(part, Table))
+    # The isolator has no drift ratio, and the story above it is story 1.
+    assert drifts.columns == ("story", "old_%", "new_%")
+    assert [row[0] for row in drifts.rows] == ["1", "2", "3"]
+    assert drifts.rows[0] == ("1", pytest.approx(1.5), pytest.approx(3.0))
+    assert [row[0] for row in residuals.rows] == ["isolator", "1", "2", "3"]
+    assert residuals.rows[0] == ("isolator", None, pytest.approx(0.015))
+    # Without dashpots and P-delta, the total shear is the restoring force.
+    assert shears.rows[1][1] == pytest.approx(1.5 * 2.0)
+    # Buildings of different stories have a chapter each.
+    titles = [
+        item.title for item in _statistics([old, profile("low", 2)], UNITS, {}, has_variants=True)
+    ]
+    assert titles == [
+        f"Statistics over the ground motions: {name}, scale 1" for name in ("old", "low")
+    ]
+
+
+def profile(name, stories, isolators=()):
+    """Return a profile of two motions, whose values are multiples of 1 to `stories`."""
+    values = np.array([[1.0], [2.0]]) * np.arange(1.0, stories + 1.0)
+    heights = np.full(stories, 3.0)
+    heights[[number - 1 for number in isolators]] = np.nan
+    ratios = np.where(np.isnan(heights), np.nan, 0.01 * values)
+    missing = np.full_like(values, np.nan)
+    peaks = {quantity.name: 0.01 * values for quantity in STORY_QUANTITIES}
+    peaks |= {
+        "peak_drift_ratio": ratios,
+        "peak_shear": 2000.0 * values,
+        "peak_total_shear": missing,
+    }
+    outcome = np.full(2, COMPLETED)
+    runs = [Run(0, 1.0, 0), Run(1, 1.0, 0)]
+    level = (1.0, np.nan, runs, np.arange(2), outcome, outcome, ("", ""), "")
+    return Profile(*level, name, ("a", "b"), heights, peaks, {}, isolators=isolators)
 
 
 def test_runs_and_ratios_of_variants_have_a_column_for_each_building():

@@ -168,19 +168,6 @@ _ENOUGH_MASS = 0.9
 """Fraction of the mass that the modes of an analysis must contain (EN 1998-1, 4.3.3.3.1)."""
 
 
-def _draw_low(draw: Callable[[], Figure]) -> Figure:
-    """Create a figure, reduce its height, and move its legends to the right of the axes.
-
-    The page then has space for other figures. `draw` is a function without arguments that returns
-    the figure.
-    """
-    figure = draw()
-    figure.set_size_inches(7.0, 2.6)
-    for axes in figure.axes:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
-    return figure
-
-
 def mode_page(
     model: Model,
     table: Table,
@@ -212,6 +199,7 @@ def mode_page(
     if record is not None and periods.size:
         curve = _spectrum_at_modes(record, periods)
         caption = f"Response spectrum of {curve.label}, 5 % damping, and effective modal masses"
+    shapes = Picture(partial(figures.style.lowered, draw), "Shapes of the first modes")
     chapters = [
         Chapter("Modes", (list(page_text.sentences), shown_table)),
         Chapter("Further modes", (omission,) if len(table.rows) > _MOST_MODES else ()),
@@ -228,7 +216,7 @@ def mode_page(
             if periods.size
             else (),
         ),
-        Chapter("Shapes", (Picture(partial(_draw_low, draw), "Shapes of the first modes"),)),
+        Chapter("Shapes", (shapes,)),
         model_chapter(model, units),
         *([motion_chapter([[(record, 1.0)]], units, drawn=True)] if record is not None else []),
         Chapter(

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_COLUMNS = 10
-"""Maximum number of columns of a table on A4, so that four-digit numbers at 8.5 pt do not wrap."""
+"""Number of columns up to which a table is not divided, whatever their width: four-digit numbers at
+8.5 pt do not wrap."""
 
 DIGEST = "SHA-256"
 """Name of the column of SHA-256 digests, which has a small font because digests are long."""
@@ -34,29 +35,6 @@ _MAX_SVG = 160_000
 """
 
 _STYLE = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
-
-# These dimensions of the printed page, mm, are used to estimate the positions of page breaks. They
-# follow from the margins and the fonts in `_STYLE`, with text in Helvetica.
-_PAGE, _WIDTH = 262.0, 180.0  # height and width between the margins
-_LINE, _LETTERS = 4.94, 96  # height of a line (10 pt times 1.4), number of its characters (1.87 mm)
-_TABLE_LINE, _TABLE_LETTER = 4.2, 1.65  # line height and width of a character in tables
-# Each height is the additional space of a part, because the margins of successive parts overlap.
-# The space of a figure includes its caption, the space of a table row its border.
-_PARAGRAPH, _HEADING, _ROW, _FIGURE, _TABLE = 2.5, 11.4, 1.3, 7.4, 3.0
-_FIRST_ROWS = 33.0  # height of a table heading of three lines and of three rows
-_MIN_BELOW_HEADING = 34.0  # minimum space for a heading with text; otherwise it moves to a new page
-_MAX_BLANK = 52.0  # maximum height left blank before a figure; less than a quarter of a page
-_MIN_SCALE = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
-_MIN_LAST_PAGE, _MAX_BLANK_FRACTION = 0.33, 0.2
-"""Fractions of a page: minimum content of the last page, maximum blank area on other pages."""
-_MIN_ROWS = 3
-"""Minimum number of rows of a table that continues on a new page."""
-_MAX_WHOLE_TABLE = 75.0
-"""Maximum height of a table that is not divided, mm."""
-_KNOWN_DISTANCE = 2.0 * _PAGE
-"""Distance from a fixed page break, mm, up to which estimated positions are reliable."""
-_MAX_FIRST_FIGURE, _MAX_FIGURE = 195.0, 110.0
-"""Maximum heights of the first figure and of later figures, mm."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +52,8 @@ class Picture:
 
     @cached_property
     def image(self) -> tuple[str, float]:
-        """Attributes of the HTML image, and height divided by width. The figure is drawn once for
-        all layouts. The format is PNG if lines with thousands of points make the SVG file large.
+        """HTML image, and its height divided by its width. The format is PNG if lines with
+        thousands of points make the SVG file large.
         """
         for image_format in ("svg+xml", "png"):
             # The first three characters are the file extension of the format.
@@ -87,7 +65,7 @@ class Picture:
         data = base64.b64encode(stream.getvalue()).decode("ascii")
         width, height = figure.get_size_inches()
         source = f"data:image/{image_format};base64,{data}"
-        return f'alt="{escape(self.caption)}" src="{source}"', height / width
+        return f'<img alt="{escape(self.caption)}" src="{source}">', height / width
 
 
 Part = str | Table | Picture | Sequence[str]
@@ -157,187 +135,12 @@ def page_units(units: OutputUnits) -> OutputUnits:
     return units._replace(mass=units.matching_mass_unit).in_figures
 
 
-class _Flow:
-    """Parts of a report in their order, with an estimate of the position on the printed page.
-
-    The estimated position is used to keep headings with their content, to avoid large blank areas
-    and to reduce figures to the available space.
-
-    CSS rules alone keep headings with their content, but do not postpone a figure or reduce it to
-    the space that remains. With such rules, two of 18 types of reports ended with a nearly blank
-    page.
-
-    Attributes
-    ----------
-    scale : float
-        Factor of the heights of figures, at most 1.
-    body : list of str
-        HTML elements.
-    position : float
-        Estimated distance from the top of the current page, mm.
-    distance : float
-        Estimated distance from the last page break with a known position, mm.
-    blank : float
-        Height of the largest blank area at the end of a page, mm.
-    separated_rows : int
-        Number of tables that have only the last one or two rows on a new page.
-    postponed : list of Picture
-        Figures that did not fit.
-    """
-
-    def __init__(self, scale: float) -> None:
-        """Start an empty flow at the top of the first page."""
-        self.scale = scale
-        self.blank = 0.0
-        self.separated_rows = 0
-        self.body: list[str] = []
-        self.position = 0.0
-        self.distance = 0.0
-        self.postponed: list[Picture] = []
-
-    @property
-    def cost(self) -> float:
-        """Measure of blank areas and of reduced figures; 0 for a page without either."""
-        missing_content = max(_MIN_LAST_PAGE - self.position / _PAGE, 0.0)
-        excess_blank = max(self.blank / _PAGE - _MAX_BLANK_FRACTION, 0.0)
-        # Blank areas have the weight 10, because they are worse than reduced figures. Rows without
-        # their table are worse than figures that are reduced by two steps of `_SCALES`.
-        return (
-            10.0 * (missing_content + excess_blank) + 0.1 * self.separated_rows + 1.0 - self.scale
-        )
-
-    def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
-        """Add a paragraph.
-
-        `more` contains the attributes of the element; empty by default. `height` is the height in
-        addition to the text lines, mm; 0 selects the margin of a paragraph.
-        """
-        # A long line needs several printed lines, an empty line needs one. -(-a // b) is a / b
-        # rounded up.
-        lines = re.sub("<br>", "\n", text).split("\n")
-        line_count = sum(-(-max(len(line), 1) // _LETTERS) for line in lines)
-        # The closing tag has the name of the element without attributes.
-        self.body.append(f"<{element}{more}>{text}</{element.split()[0]}>")
-        self.advance(line_count * _LINE + (height or _PARAGRAPH))
-
-    def advance(self, height: float) -> None:
-        """Advance the estimated position by the height (mm) of content that may continue on the
-        next page."""
-        self.distance += height
-        self.position = (self.position + height) % _PAGE
-
-    def break_class(self, height: float) -> str:
-        """Return the HTML attribute that moves content of a height (mm; infinite to require a new
-        page) to a new page if the current page has no space for it, and update the estimated
-        position.
-
-        The attribute is empty if the content fits. It is also empty far from the last known page
-        break, where the estimated position is unreliable and the browser decides.
-        """
-        if _PAGE - self.position >= height:
-            return ""
-        self.blank = max(self.blank, _PAGE - self.position)
-        # A chapter that must start on a new page (infinite height) does not depend on the estimate.
-        is_known = self.distance < _KNOWN_DISTANCE or math.isinf(height)
-        self.position = 0.0
-        if not is_known:
-            return ""
-        self.distance = 0.0
-        return ' class="n"'
-
-    def break_before_table(self, height: float) -> str:
-        """Return the attribute of `break_class` for a table; the heading and the sentence that
-        introduce the table move with it."""
-        first = len(self.body)
-        while first and self.body[first - 1].startswith(("<h2", '<p class="k')):
-            first -= 1
-        attribute = self.break_class(height)
-        if not attribute or first == len(self.body):
-            return attribute
-        kept = self.body[first]
-        self.body[first] = (
-            kept.replace("<h2", '<h2 class="n"', 1)
-            if kept.startswith("<h2>")
-            else kept.replace('class="k"', 'class="k n"', 1)
-        )
-        for element in self.body[first:]:
-            is_heading = element.startswith("<h2")
-            lines = 1 if is_heading else -(-len(element) // _LETTERS)
-            self.advance(_HEADING if is_heading else lines * _LINE + _PARAGRAPH)
-        return ""
-
-    def heading(self, title: str, part: Part = "", *, on_new_page: bool = False) -> None:
-        """Add the heading of a chapter; it remains on the page of the content that follows.
-
-        `part` is the first part of the chapter; the first rows of a table remain below its heading.
-        `on_new_page` is True to start a new page; false by default.
-        """
-        needed = _MIN_BELOW_HEADING  # mm, height of the heading and of the content that must follow
-        if isinstance(part, Table):
-            needed = _HEADING + _FIRST_ROWS
-        elif _introduces_table(part):
-            needed = _HEADING + _LINE + _PARAGRAPH + _FIRST_ROWS
-        if on_new_page and self.position > 0.0:
-            needed = math.inf
-        self.body.append(f"<h2{self.break_class(needed)}>{escape(title)}</h2>")
-        self.advance(_HEADING)
-
-    def picture(self, picture: Picture, *, last: bool = False) -> None:
-        """Add a figure as large as the space allows, or postpone a figure that would be small.
-
-        `last` is True if no content follows, so that the figure cannot be postponed; false by
-        default.
-        """
-        image, ratio = picture.image
-        # `_FIGURE` (mm) is the space of the caption and the margins, in addition to the image.
-        is_first = not any(text.startswith("<figure") for text in self.body)
-        max_height = _MAX_FIRST_FIGURE if is_first else _MAX_FIGURE
-        full_height = self.scale * min(_WIDTH * ratio, max_height)
-        space = _PAGE - self.position - _FIGURE
-        fits = full_height <= space
-        # `space` (mm) is the height for the image on this page. A figure that does not fit has
-        # three treatments:
-        #
-        # 1. The page has less free height than `_MAX_BLANK`: the figure moves to a new page
-        #    (`break_class`), because the blank area is small.
-        # 2. The free height is larger, and the figure would be reduced to less than `_MIN_SCALE` of
-        #    its full height: it is postponed, and following text fills the page. This is not
-        #    possible for the last content, which has treatment 3.
-        # 3. Otherwise the figure is reduced to the space on this page.
-        would_be_too_small = _MAX_BLANK - _FIGURE <= space < _MIN_SCALE * full_height
-        if would_be_too_small and not fits and not last:
-            self.postponed.append(picture)
-            return
-        # `break_class` sets the position to 0 if the figure moves to a new page.
-        page_class = "" if fits else self.break_class(_MAX_BLANK)
-        height = min(full_height, _PAGE - self.position - _FIGURE)
-        # Far from the last known page break, a tall figure may not fit and cause a large blank
-        # area, so its height is limited.
-        if self.distance >= _KNOWN_DISTANCE and not is_first:
-            height = min(height, _MAX_BLANK)
-        size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
-        self.body.append(
-            f"<figure{page_class}><img {size} {image}>"
-            f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
-        )
-        self.advance(height + _FIGURE)
-
-    def add_postponed(self, *, last: bool = False) -> None:
-        """Add the postponed figures that have enough space now.
-
-        `last` is True at the end of the report, where all postponed figures are added.
-        """
-        postponed, self.postponed = self.postponed, []
-        for picture in postponed:
-            self.picture(picture, last=last)
-
-
 def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageText) -> bytes:
     """Return a report as UTF-8 HTML.
 
     The order is: title, verdict, introduction, answer, warnings, chapters, input files, software
     versions.
-    The layout with the smallest blank areas on printed pages is selected.
+    The style sheet states which parts remain on one printed page; the browser breaks the pages.
 
     Parameters
     ----------
@@ -356,62 +159,58 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     files: list[tuple[Cell, ...]] = list(
         dict.fromkeys((item["file"], item["sha256"]) for item in page_text.inputs)
     )
+    body = [f"<h1>{escape(title)}</h1>"]
+    if page_text.head:
+        lines = (
+            f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
+        )
+        body.append(f'<p class="h">{"<br>".join(lines)}</p>')
+    # CSS classes of the verdict, which is the first paragraph. Warnings precede all numbers.
+    classes = {None: "v", True: "v kept", False: "v broken"}
+    body += [f'<p class="{classes[met]}">{_html(text)}</p>' for met, text in page_text.verdict]
+    body += [f"<p>{_html(about)}</p>", *map(_part, page_text.answer)]
+    body += [
+        f'<p class="w"><strong>Warning:</strong> {_html(text)}</p>'
+        for text in once(page_text.warnings)
+    ]
+    has_figure = False
     # Chapters without content are omitted, because their heading would be empty.
-    contents = []
     for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
         if parts := [part for part in chapter.parts if _has_content(part)]:
-            contents.append(Chapter(chapter.title, parts))
-
-    def lay_out(scale: float, last_chapters: int = 0) -> _Flow:
-        """Return the layout with the relative height `scale` of the figures and with a page break
-        before the last `last_chapters` chapters (0: no page break)."""
-        flow = _Flow(scale)
-        flow.text("h1", escape(title), height=_LINE)
-        if page_text.head:
-            lines = (
-                f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
-            )
-            flow.text("p", "<br>".join(lines), more=' class="h"')
-        # CSS classes of the verdict, which is the first paragraph. Warnings precede all numbers.
-        classes = {None: "v", True: "v kept", False: "v broken"}
-        for is_met, text in page_text.verdict:
-            flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
-        flow.text("p", _html(about))
-        for part in page_text.answer:
-            _add(flow, part)
-        for text in once(page_text.warnings):
-            flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
-        for index, chapter in enumerate(contents):
-            flow.add_postponed()
-            on_new_page = len(contents) - index == last_chapters
-            flow.heading(chapter.title, chapter.parts[0], on_new_page=on_new_page)
-            for part in chapter.parts:
-                _add(flow, part)
-        flow.add_postponed(last=True)
-        flow.text("p", f"Made by {escape(software)}.")
-        return flow
-
-    # The cost of reduced figures is at most 1 - min(_SCALES). A higher cost means that a nearly
-    # blank page remains; then page breaks before the last chapters are tried as well.
-    flow = min(map(lay_out, _SCALES), key=lambda layout: layout.cost)
-    if flow.cost > 1.0 - _SCALES[-1]:
-        with_break = (lay_out(scale, count) for count in _LAST_CHAPTERS for scale in _SCALES)
-        flow = min(flow, *with_break, key=lambda layout: layout.cost)
+            body.append(f"<h2>{escape(chapter.title)}</h2>")
+        for part in parts:
+            body.append(_part(part))
+            if isinstance(part, Picture) and not has_figure:
+                has_figure = True
+                # A tall figure is reduced to the space below the text of the first page.
+                above = sum(map(_estimated_height, body[:-1]))
+                if above < _MAX_TEXT < above + _WIDTH * part.image[1]:
+                    body[:] = ["<section>", *body, "</section>"]
+    body.append(f"<p>Made by {escape(software)}.</p>")
     text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>\n{_STYLE}</style>\n</head>\n<body>\n"
-        + "\n".join(flow.body)
+        + "\n".join(body)
     )
     document = write_out_controls(text + "\n</body>\n</html>\n", keep="\n")
     return document.encode("utf-8", "replace")
 
 
-_SCALES = tuple(1.0 - 0.04 * step for step in range(9))
-"""Factors of the heights of figures that are tried; smaller figures are hard to read."""
+def _estimated_height(element: str) -> float:
+    """Return the approximate printed height of a paragraph or a table, mm."""
+    rows = element.count("<tr>")
+    return 6.0 * rows + 8.0 if rows else 5.0 * math.ceil(len(element) / _LETTERS) + 3.0
 
-_LAST_CHAPTERS = (1, 2, 3)
-"""Numbers of chapters at the end, before which a page break is tried."""
+
+_LETTERS = 96
+"""Approximate number of characters of a printed line."""
+
+_WIDTH = 180.0
+"""Printed width of a page between the margins, mm."""
+
+_MAX_TEXT = 185.0
+"""Height of the text before the first figure, mm, up to which the figure is on the first page."""
 
 
 def _has_content(part: Part) -> bool:
@@ -420,29 +219,17 @@ def _has_content(part: Part) -> bool:
     return bool(part.rows) if isinstance(part, Table) else bool(part)
 
 
-def _introduces_table(part: Part) -> bool:
-    """Return True for a sentence that ends with a colon, which a table follows."""
-    return isinstance(part, str) and part.endswith(":")
-
-
-def _add(flow: _Flow, part: Part) -> None:
-    """Add a paragraph, a table, a figure or a list of points to a flow."""
+def _part(part: Part) -> str:
+    """Return a paragraph, a table, a figure or a list of points as HTML."""
     if isinstance(part, str):
-        css_class = ""
-        if _introduces_table(part):
-            # The browser keeps the sentence together with the table (class k). It does not keep the
-            # first rows of the table together with the sentence, so that the space is checked here.
-            on_new_page = flow.break_class(_LINE + _PARAGRAPH + _FIRST_ROWS)
-            css_class = ' class="k n"' if on_new_page else ' class="k"'
-        flow.text("p", _html(part), more=css_class)
-    elif isinstance(part, Table):
-        _add_table(flow, part)
-    elif isinstance(part, Picture):
-        flow.picture(part)
-    else:
-        line_count = sum(-(-len(point) // _LETTERS) for point in part)
-        flow.body.append("<ul>" + "".join(f"<li>{_html(point)}</li>" for point in part) + "</ul>")
-        flow.advance(line_count * _LINE + 1.0 + _PARAGRAPH)
+        # A sentence that ends with a colon remains on the page of the table that follows it.
+        css_class = ' class="k"' if part.endswith(":") else ""
+        return f"<p{css_class}>{_html(part)}</p>"
+    if isinstance(part, Table):
+        return _table(part)
+    if isinstance(part, Picture):
+        return f"<figure>{part.image[0]}<figcaption>{escape(part.caption)}</figcaption></figure>"
+    return "<ul>" + "".join(f"<li>{_html(point)}</li>" for point in part) + "</ul>"
 
 
 def _html(text: str) -> str:
@@ -492,6 +279,9 @@ _MAX_WORD = 24
 """Number of characters of a word, such as a path, above which it may be divided: 40 mm."""
 
 
+_MAX_WHOLE_TABLE = 9
+"""Maximum number of rows of a table that is not divided between pages."""
+
 _MOST_KEYS = 4
 """Maximum number of columns that each part of a divided table repeats."""
 
@@ -518,13 +308,14 @@ class _Column(NamedTuple):
         return self.css_class == _TEXT_CLASS
 
     @property
-    def longest_cell(self) -> int:
-        """Number of characters of the longest cell."""
-        return max(map(len, self.cells))
+    def width(self) -> float:
+        """Estimated minimum width without a wrapped number, mm."""
+        words = [*self.heading.split(), *self.cells]
+        return 1.75 * max(map(len, words)) + 2.4
 
 
-def _add_table(flow: _Flow, table: Table) -> None:
-    """Add a table to the flow of a report, with units in its heading and drift ratios in percent.
+def _table(table: Table) -> str:
+    """Return a table as HTML, with units in its heading and drift ratios in percent.
 
     Empty columns and the zero forces of absent dampers are omitted. A table that is wider than the
     page is continued below, again with its first columns.
@@ -544,13 +335,15 @@ def _add_table(flow: _Flow, table: Table) -> None:
     # from the maximum that follows it.
     keys = next((n for n in range(1, _MOST_KEYS + 1) if _are_distinct(columns[:n])), 1)
     first, others = columns[:keys], columns[keys:]
-    if len(columns) > MOST_COLUMNS:
+    if len(columns) > MOST_COLUMNS and sum(column.width for column in columns) > _WIDTH:
         parts = -(-len(others) // (MOST_COLUMNS - keys))
         part_size = 2 * math.ceil(len(others) / parts / 2)
     else:
         part_size = max(len(others), 1)
-    for start in range(0, max(len(others), 1), part_size):
-        _add_columns(flow, [*first, *others[start : start + part_size]])
+    return "\n".join(
+        _part_of_table([*first, *others[start : start + part_size]])
+        for start in range(0, max(len(others), 1), part_size)
+    )
 
 
 def _are_distinct(columns: Sequence[_Column]) -> bool:
@@ -590,68 +383,21 @@ def _column(table: Table, name: str, maximum: float) -> _Column:
     return _Column(escape(heading), css_class, texts)
 
 
-def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
-    """Add a table to a flow, and estimate its height on the printed page."""
-    # The estimate assumes that browsers make columns of numbers as wide as their longest cell or
-    # heading word, and divide the remaining width between the columns of text. Widths are in
-    # characters; each cell has a horizontal padding of 2.4 mm.
-    text_columns = [column for column in columns if column.is_text]
-    number_width = sum(
-        max(column.longest_cell, *map(len, column.heading.split()))
-        for column in columns
-        if not column.is_text
-    )
-    text_width = (_WIDTH - 2.4 * len(columns)) / _TABLE_LETTER - number_width
-    longest_texts = sum(column.longest_cell for column in text_columns)
-    # All text columns have the same fraction of the width of their longest cell.
-    width_fraction = min(1.0, max(text_width, 20.0) / max(longest_texts, 1))
-    # A heading is wrapped to about 15 characters if not all headings fit in one line; to about 8
-    # with the maximum number of columns.
-    letters = 15 if len(columns) < MOST_COLUMNS else 8
-    heading_lines = max((-(-len(column.heading) // letters) for column in columns), default=1)
-    if sum(len(column.heading) for column in columns) < text_width:
-        heading_lines = 1
-    heading_height = heading_lines * _TABLE_LINE + _ROW
-    rows, heights = [], []
+def _part_of_table(columns: Sequence[_Column]) -> str:
+    """Return columns as an HTML table. The browser does not divide a short table."""
+    rows = []
     for cells in zip(*(column.cells for column in columns), strict=True):
         row = ""
-        line_count = 1
         for column, cell in zip(columns, cells, strict=True):
             # Only long words may be divided: otherwise browsers also divide words in headings.
             is_long = column.is_text and max(map(len, cell.split()), default=0) > _MAX_WORD
             css_class = _LONG_TEXT_CLASS if is_long else column.css_class
             row += f"<td{css_class}>{escape(_keep_units(cell))}</td>"
-            if column.is_text:
-                column_width = max(width_fraction * column.longest_cell, 1.0)
-                line_count = max(line_count, math.ceil(len(cell) / column_width))
         rows.append(f"<tr>{row}</tr>")
-        heights.append(line_count * _TABLE_LINE + _ROW)
-    # A short table is not divided. The heading of a long table remains together with three rows, so
-    # that it is not the last line of a page.
-    total = heading_height + sum(heights)
-    is_short = total <= _MAX_WHOLE_TABLE
-    page_class = flow.break_before_table(
-        total if is_short else heading_height + 3.0 * (_TABLE_LINE + _ROW)
-    )
-    flow.advance(heading_height + _TABLE)
-    rows_on_page = 0
-    for row_height in heights:
-        # The heading is repeated on each page.
-        if flow.position + row_height <= _PAGE:
-            flow.advance(row_height)
-            rows_on_page += 1
-        else:
-            flow.advance(_PAGE - flow.position + heading_height + row_height)
-            rows_on_page = 1
-    if rows_on_page < min(_MIN_ROWS, len(rows)):
-        flow.separated_rows += 1
-    if is_short:
-        page_class = ' class="n w"' if page_class else ' class="w"'
+    table_class = ' class="w"' if len(rows) <= _MAX_WHOLE_TABLE else ""
     heading = "".join(f"<th{column.css_class}>{column.heading}</th>" for column in columns)
     body = "\n".join(rows)
-    flow.body.append(
-        f"<table{page_class}><thead><tr>{heading}</tr></thead><tbody>\n{body}\n</tbody></table>"
-    )
+    return f"<table{table_class}><thead><tr>{heading}</tr></thead><tbody>\n{body}\n</tbody></table>"
 
 
 def _is_motion(table: Table, name: str) -> bool:

@@ -481,6 +481,7 @@ def motion_chapter(
             spectra = [spectrum(record, grid) for record in records]
             draw = partial(figures.spectrum_curves.low_picture, spectra, units, periods)
             parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))
+            drawn = len(factors) == 1  # the spectra of another common factor are a multiple
     return Chapter("Ground motions", parts)
 
 

@@ -592,6 +592,16 @@ _NO_BREAK_SPACE = "\u00a0"  # `wrap` does not break a line at this character
 _QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.])")
 
 
+def lowered(draw: Callable[[], Figure], height: float = 2.4) -> Figure:
+    """Create a figure for a report with a reduced height, inches, and with its legends to the right
+    of the axes."""
+    figure = draw()
+    figure.set_size_inches(7.0, height)
+    for axes in figure.axes:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    return figure
+
+
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
     """Write a text on a white background into the upper right of a panel.
 

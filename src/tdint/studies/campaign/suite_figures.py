@@ -124,7 +124,7 @@ def ratio_picture(profiles: Sequence[Profile], baseline: str) -> Figure:
         level for level in at_levels(profiles) if baseline in [item.building for item in level]
     )
     base = next(profile for profile in level if profile.building == baseline)
-    figure = Figure(figsize=(8.0, 2.7), layout="constrained")
+    figure = Figure(figsize=(8.0, 2.5), layout="constrained")
     panels = figure.subplots(1, 3, sharey=True)
     colors = building_styles(profile.building for profile in profiles)
     quantities = (DRIFT_RATIO, "peak_absolute_acceleration", "peak_shear")

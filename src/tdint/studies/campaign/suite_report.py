@@ -14,6 +14,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
+from tdint.model.definition import Model
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
@@ -43,7 +44,7 @@ from tdint.studies.campaign.campaign_tables import (
 )
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
-from tdint.studies.campaign.story_profiles import FloorSuite, Profile
+from tdint.studies.campaign.story_profiles import FloorSuite, Profile, isolated_base
 from tdint.studies.campaign.variants import at_levels, ratios_of, story_pairs
 from tdint.studies.fragility.building_damage import has_losses
 from tdint.studies.fragility.damage_tables import loss_table, type_table
@@ -53,7 +54,7 @@ from tdint.studies.motions.outcomes import MIN_COMMON
 from tdint.studies.motions.pairs import describe_demand, recordings_of
 from tdint.studies.motions.scaling import Scaling
 from tdint.studies.store.result_store import Store
-from tdint.units import SI, OutputUnits
+from tdint.units import SI, OutputUnits, suffix
 
 _MAX_MODELS = 8
 """Maximum number of buildings that list their stories."""
@@ -126,16 +127,14 @@ def suite_page(
         _suite_assumptions(plan, store, [*subjects.values()]),
         Chapter("Notes", (once(notes),)),
         *(
-            _statistics_chapter(profile, units, subjects, has_maxima=not has_variants)
-            for profile in profiles
+            chapter
+            for level in at_levels(profiles)
+            for chapter in _statistics(level, units, subjects, has_variants=has_variants)
         ),
         _runs_chapter(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        *(
-            model_chapter(subject.model, units, base=None if subject is base else base.model)
-            for subject in subjects.values()
-        ),
+        *_model_chapters([subject.model for subject in subjects.values()], base.model, units),
         _load_case_chapter(plan, units)
         or motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
     ]
@@ -149,6 +148,21 @@ def suite_page(
     )
     about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
     return page(plan.name, about, chapters, page_text)
+
+
+def _model_chapters(models: Sequence[Model], base: Model, units: OutputUnits) -> list[Chapter]:
+    """Return the chapters of the buildings, compared with the building `base`; variants that need
+    no table have a common list."""
+    chapters = {
+        model.name: model_chapter(model, units, base=None if model is base else base)
+        for model in models
+    }
+    short = {name: chapter for name, chapter in chapters.items() if len(chapter.parts) == 1}
+    if len(short) < 2:
+        return [*chapters.values()]
+    variants = [f"{name}: {chapter.parts[0]}" for name, chapter in short.items()]
+    described = [chapter for name, chapter in chapters.items() if name not in short]
+    return [*described, Chapter("Other buildings", (variants,))]
 
 
 _MAX_PICTURES = 6
@@ -242,6 +256,65 @@ def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | N
             )
         )
     return headlines
+
+
+_VARIANT_QUANTITIES = (
+    ("peak_drift_ratio", "%", "Drift ratio"),
+    ("residual_drift", "m", "Residual drift"),
+    ("peak_total_shear", "N", "Shear with the forces of dashpots and of P-delta"),
+    ("peak_absolute_acceleration", "m/s^2", "Absolute acceleration of the floor above the story"),
+)
+"""Quantities of variants in each story with their units; profiles.csv lists all quantities."""
+
+
+def _statistics(
+    level: Sequence[Profile],
+    units: OutputUnits,
+    subjects: Mapping[str, Subject],
+    *,
+    has_variants: bool,
+) -> list[Chapter]:
+    """Return the chapters of the means over the ground motions at a level.
+
+    Buildings with the same number of stories have a common chapter, with a table for each quantity
+    and a column for each building; isolators are below story 1.
+    """
+    shown = [profile for profile in level if profile.counts.completed]
+    bases = [isolated_base(profile.isolators) for profile in shown]
+    stories = {
+        profile.height.size - base if np.isfinite(profile.height[base:]).all() else 0
+        for profile, base in zip(shown, bases, strict=True)
+    }
+    if not 1 < len(shown) <= _MOST_BUILDING_COLUMNS or len(stories) > 1 or 0 in stories:
+        return [
+            _statistics_chapter(profile, units, subjects, has_maxima=not has_variants)
+            for profile in level
+        ]
+    parts: list[Part] = [
+        f"No mean of {profile.building}: {profile.lost_text}."
+        for profile in level
+        if not profile.counts.completed
+    ]
+    for name, unit, noun in _VARIANT_QUANTITIES:
+        rows: dict[int, dict[str, float]] = defaultdict(dict)
+        for profile, base in zip(shown, bases, strict=True):
+            values = profile.completed.peaks[name]
+            if name == "peak_total_shear":  # missing in runs without dashpots and P-delta
+                values = np.where(np.isnan(values), profile.completed.peaks["peak_shear"], values)
+            means = np.mean(100.0 * values if unit == "%" else values, axis=0)
+            for index in np.flatnonzero(np.isfinite(means)).tolist():
+                rows[index + 1 - base][profile.building] = float(means[index])
+        columns = {profile.building: f"{profile.building}{suffix(unit)}" for profile in shown}
+        table = Table.of_units(
+            {"story": TEXT} | dict.fromkeys(columns.values(), unit),
+            [
+                (str(number) if number > 0 else "isolator", *map(rows[number].get, columns))
+                for number in sorted(rows)
+            ],
+        )
+        parts += [f"{noun}:", table.in_units(units)]
+    title = ", ".join(filter(None, ["Means in each story", level[0].level_text]))
+    return [Chapter(title, parts)]
 
 
 def _statistics_chapter(
@@ -487,9 +560,10 @@ def _scaling(
     parts: list[Part] = [_scaling_text(table.source, settings)]
     scaling = _scaled_suite(plan, table, settings) if settings.get("periods_s") else None
     if scaling is not None:
+        draw = partial(scaling_figures.suite_picture, scaling, units, periods)
         parts.append(
             Picture(
-                partial(scaling_figures.suite_picture, scaling, units, periods),
+                partial(figures.style.lowered, draw, height=2.8),
                 "Scaled ground motions and target spectrum",
             )
         )
