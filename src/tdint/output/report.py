@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.origin import matched_clause
 from tdint.ground_motion.record import Record
+from tdint.kernels import layout
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
@@ -307,6 +309,7 @@ def run_page(
     chapters = [
         page_text.result(*([histories] if response.history is not None else [])),
         Chapter("Limits", _limit_parts(response, page_text, units)),
+        Chapter("Base shear and pushover", _pushover_parts(response, units)),
         Chapter(
             "Peaks of the stories",
             (
@@ -385,6 +388,32 @@ def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) ->
             )
         )
     return parts
+
+
+def _pushover_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
+    """Return the figure of the base shear over the roof drift of a run beside the pushover of the
+    building; empty if no story has yielded, without a response history, and for buildings that
+    cannot be pushed."""
+    model, history, stories = response.model, response.history, response.stories
+    has_yielded = bool(np.any(np.nan_to_num(stories.ductility) > 1.0))
+    if history is None or not has_yielded or any(story.isolator for story in model.stories):
+        return ()
+    # Imported here, because most reports need no pushover.
+    from tdint.response.static.pushover import pushover
+
+    try:
+        pushed = pushover(model, f"{stories.peak_displacement[-1]:.6g}m")
+    except (UsageError, AnalysisError):
+        return ()
+    stiffness = float(assemble(model).linear_terms[layout.GEOMETRIC, 0])
+    return (
+        Picture(
+            lambda: figures.static_curves.run_and_pushover_picture(
+                history, pushed, stiffness, units
+            ),
+            "Base shear over roof drift, without dashpots: run and pushover",
+        ),
+    )
 
 
 def method_text(specification: str) -> str:

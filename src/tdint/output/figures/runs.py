@@ -105,7 +105,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         if panel.get_xlim() == (0.0, history.time[-1]):
             panel.sharex(roof)
             panel.tick_params(labelbottom=False)
-    _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
+    _draw_roof(roof, response, history, units)
     energies = figure.add_subplot(grid[-3 if has_devices else -2], sharex=roof)
     _draw_energies(energies, response, history, units)
     if history.devices is not None:
@@ -121,15 +121,41 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     _draw_loop(loop, response, history, story, units)
     loop.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
     _mark_events([*upper, roof], response)
+    if response.record is not None and response.record.pga > 0.0:
+        _show_strong_motion(roof, energies, response.record, history)
     return titled(figure, title + _run_subject(response))
 
 
+def _show_strong_motion(roof: Any, energies: Any, record: Record, history: History) -> None:
+    """Limit the common time axis to the strong motion, if this is much shorter than the run: from
+    the first to the last time at which the ground acceleration, or the distance of the roof from
+    its final position, is at least `_STRONG` times its peak.
+    """
+    ground = np.interp(history.time, record.time, record.acceleration, right=0.0)
+    displacement = history.displacement[:, -1]
+    strong: list[float] = []
+    for values in (ground, displacement - displacement[-1]):
+        times = history.time[np.abs(values) >= _STRONG * (np.max(np.abs(values)) or math.inf)]
+        strong += times[[0, -1]].tolist() if times.size else []
+    start, end = history.time[0], history.time[-1]
+    first, last = min(strong, default=start), max(strong, default=end)
+    if last - first < _MAX_STRONG * (end - start):
+        margin = 0.02 * (last - first)
+        roof.set_xlim(max(first - margin, start), min(last + margin, end))
+        energies.set_xlabel(
+            f"time (s), from the first to the last value of {100.0 * _STRONG:g} % of a peak"
+        )
+
+
+_STRONG, _MAX_STRONG = 0.05, 0.8
+"""Fraction of a peak from which motion is strong, and the largest duration of the strong motion
+divided by the duration of the run for which the time axis is limited."""
+
+
 def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> None:
-    """Plot the ground acceleration up to the end of the run, and mark its peak.
+    """Plot the ground acceleration up to the end of the run, s, and mark its peak.
 
     All samples are shown, independently of the time steps of the run.
-
-    `end` is the time of the end of the run, s.
     """
     motion, unit = units.of(record.acceleration, "m/s^2"), units.label("m/s^2")
     time = record.time
@@ -152,7 +178,7 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
 
 def _mark_events(panels: Sequence[Any], response: Response) -> None:
     """Mark the start of each event of a sequence of ground motions by a vertical line, with the
-    number of the event above the first panel.
+    number of the event in the first panel.
     """
     for axes in panels:
         for event in response.events[1:]:
@@ -161,10 +187,11 @@ def _mark_events(panels: Sequence[Any], response: Response) -> None:
         "xycoords": ("data", "axes fraction"),
         "textcoords": "offset points",
         "xytext": (3, 2),
+        "annotation_clip": False,
     }
     for number, event in enumerate(response.events, start=1):
         panels[0].annotate(
-            f"shock {number}", (event.start, 1.0), fontsize=8.0, color=MARK, **position
+            f"shock {number}", (event.start, 0.0), fontsize=8.0, color=MARK, **position
         )
 
 
@@ -189,14 +216,13 @@ def _run_subject(response: Response) -> str:
     return text
 
 
-def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> None:
-    """Plot the roof displacement over the time, and its estimated error as a band.
+def _draw_roof(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
+    """Plot the roof displacement over the time, its estimated error as a band, and a collapse.
 
-    The band is omitted if it would be too narrow to be visible.
-
-    `peak` is the maximum absolute roof displacement, m; it may occur between the points of the
-    history.
+    The band is omitted if it would be too narrow to be visible. The peak may occur between the
+    points of the history.
     """
+    peak = response.stories.peak_displacement[-1]
     roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
     if history.error is not None:
@@ -204,7 +230,12 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
         if np.any(error > _MIN_BAND * np.max(np.abs(roof))):
             band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
             axes.fill_between(history.time, roof - error, roof + error, **band)
-            axes.legend(loc="lower right", fontsize=7.0, handlelength=1.6)
+    if (collapse := response.collapse) is not None:
+        at_collapse = np.interp(collapse.time, history.time, roof)
+        mark = {"color": MARK, "markersize": 7, "linestyle": "none", "zorder": 4}
+        axes.plot(collapse.time, at_collapse, "x", label="collapse", clip_on=False, **mark)
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="lower left", fontsize=7.0, handlelength=1.6)
     axes.set(ylabel=f"roof displacement\n({unit})", xlim=(history.time[0], history.time[-1]))
     axes.tick_params(labelbottom=False)
     _mark_peak(axes, history.time, roof, units.of(peak, "m"), unit)
@@ -314,7 +345,7 @@ def _short(value: float) -> str:
 def _mark_peak(
     axes: Any, time: Array, values: Array, peak: float, unit: str, more: str = ""
 ) -> None:
-    """Mark the maximum absolute value and write the peak into the upper right corner.
+    """Mark the maximum absolute value and write the peak above the panel.
 
     The peak may occur between the points. Its text has the sign of the marked point. A quantity
     that is zero is not marked.
@@ -327,7 +358,7 @@ def _mark_peak(
     axes.plot(time[i], values[i], "o", color=MARK, markersize=4)
     axes.margins(y=0.12)
     peak = math.copysign(peak, values[i])
-    write_note(axes, f"peak {_short(peak)} {unit} at {time[i]:.4g} s{more}", x=0.995)
+    write_note(axes, f"peak {_short(peak)} {unit} at {time[i]:.4g} s{more}")
 
 
 def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Figure:

@@ -23,6 +23,8 @@ from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, dr
 from tdint.output.figures.legends import add_legend
 from tdint.output.figures.style import (
     COLORS,
+    DASHES,
+    INK,
     LIGHT,
     FirstPeriods,
     changed,
@@ -551,9 +553,12 @@ def low_picture(
         axes.legend(loc="best")
     else:
         draw_accelerations(axes, spectra, units)
-    if periods:
-        mark_first_periods(axes, periods)
-        axes.legend(loc="best")
+    if len(spectra) >= _MIN_MEAN:
+        mean = np.mean([units.of(spectrum.psa, "m/s^2") for spectrum in spectra], axis=0)
+        style = {"color": INK, "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 4}
+        axes.plot(spectra[0].periods, mean, label="mean", **style)
+    mark_first_periods(axes, periods)
+    axes.legend(loc="best")
     # A legend with many entries is moved below the panel, because it would cover curves.
     handles, names = axes.get_legend_handles_labels()
     if len(names) > _MAX_INSIDE and (legend := axes.get_legend()):
@@ -561,6 +566,8 @@ def low_picture(
         add_legend(figure, axes, handles, names)
     return figure
 
+
+_MIN_MEAN = 3  # minimum number of spectra for their mean
 
 _MAX_INSIDE = 5
 """Maximum number of entries of a legend inside a panel with spectra."""

@@ -39,6 +39,7 @@ from tdint.output.tables.spectra import RecordInfo
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    from tdint.response.runs.history import History
     from tdint.response.spectra.fourier import FourierSpectrum
     from tdint.response.static.cyclic import CyclicTest
     from tdint.response.static.pushover import Pushover
@@ -170,6 +171,36 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
         ylabel=f"base shear ({unit})",
     )
     add_ratio_axis(axes, units.of(result.height, "m"), "roof drift ratio (%)")
+
+
+def run_and_pushover_picture(
+    history: History, pushed: Pushover, geometric_stiffness: float, units: OutputUnits = SI
+) -> Figure:
+    """Plot the base shear of a run over the roof drift beside the pushover curve of the building.
+
+    Both base shears are restoring forces of the first story with P-delta (`geometric_stiffness`,
+    N/m, negative or 0) and without dashpots.
+    """
+    units = units.in_figures
+    figure = Figure(figsize=(7.0, 2.6), layout="constrained")
+    axes = figure.subplots()
+    shear = history.shear[:, 0] + geometric_stiffness * history.drift[:, 0]
+    roof, height = history.displacement[:, -1], pushed.height
+    scale, label = 1.0 / units.unit("m")[1], f"roof displacement ({units.label('m')})"
+    if not math.isnan(height):
+        scale, label = 100.0 / height, "roof drift ratio (%)"
+    largest = max(float(np.max(np.abs(values))) for values in (shear, pushed.base_shear))
+    factor, unit = scaled_unit(largest, "N", units)
+    axes.plot(scale * roof, factor * shear, color=LIGHT, linewidth=0.8, label="run")
+    # The sign of the pushover is that of the larger side of the run.
+    sign = math.copysign(1.0, roof[np.argmax(np.abs(roof))])
+    curve = {"color": MARK, "label": f"pushover, {pushed.pattern} pattern"}
+    axes.plot(sign * scale * pushed.roof_displacement, sign * factor * pushed.base_shear, **curve)
+    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.set(xlabel=label, ylabel=f"base shear ({unit})")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    return figure
 
 
 def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = SI) -> Figure:
@@ -419,7 +450,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     # `changed` returns a suffix for a scaled or processed record, such as ` x 1.7 (processed)`.
     title = motion_name(record) + changed([record])
-    column[0].set_title(title, parse_math=False)
+    column[0].set_title(title, loc="left", parse_math=False)
     # A Husid plot (1969) shows the integral of the squared acceleration divided by its final value.
     # Its marks bound the significant durations.
     energy = cumulative_energy(record)

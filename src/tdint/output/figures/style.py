@@ -577,18 +577,18 @@ def titled(figure: Figure, title: str) -> Figure:
     for title_line in title.splitlines():
         line = shorten(title_line, 2 * max_letters, placeholder=" ...")
         # A line does not break between a symbol, its value and its unit.
-        line = _QUANTITY.sub(lambda match: match[0].replace(" ", _NO_BREAK_SPACE), line)
+        line = _QUANTITY.sub(lambda match: match[0].replace(" ", NO_BREAK_SPACE), line)
         # The smallest width with the minimum number of lines gives lines of similar length.
         count = len(wrap(line, max_letters, break_on_hyphens=False))
         width = max(len(line) // max(count, 1), 1)
         while len(parts := wrap(line, width, break_on_hyphens=False)) > count:
             width += 1
-        lines += [part.replace(_NO_BREAK_SPACE, " ") for part in parts]
+        lines += [part.replace(NO_BREAK_SPACE, " ") for part in parts]
     figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
     return figure
 
 
-_NO_BREAK_SPACE = "\u00a0"  # `wrap` does not break a line at this character
+NO_BREAK_SPACE = "\u00a0"  # `wrap` does not break a line at this character
 _QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.])")
 
 
@@ -602,18 +602,23 @@ def lowered(draw: Callable[[], Figure], height: float = 2.4) -> Figure:
     return figure
 
 
-def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
-    """Write a text on a white background into the upper right of a panel.
+def write_note(axes: Any, text: str, y: float | None = None) -> None:
+    """Write a text at the right above a panel, where it covers no curve.
 
     Parameters
     ----------
-    x, y : float
-        Position of the upper right corner of the text as fractions of the width and the height of
-        the panel.
+    y : float, optional
+        Position of the upper end of a text inside the panel, with a white background, as a fraction
+        of the height of the panel.
     """
+    style: dict[str, Any] = {"fontsize": 8.0, "color": MARK, "ha": "right"}
+    if y is None:
+        axes.annotate(
+            text, (1.0, 1.0), (0.0, 2.0), "axes fraction", "offset points", va="bottom", **style
+        )
+        return
     background = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-    anchor = {"transform": axes.transAxes, "ha": "right", "va": "top"}
-    axes.text(x, y, text, **anchor, fontsize=8.0, color=MARK, bbox=background)
+    axes.text(0.99, y, text, transform=axes.transAxes, va="top", bbox=background, **style)
 
 
 FirstPeriods = Sequence[tuple[str, float]]

@@ -27,6 +27,7 @@ from tdint.studies.motions.scaling_figures import (
     GRAY,
     add_gravity_axis,
     measure_label,
+    measure_words,
 )
 
 _POINTS = 300  # points of a fragility function
@@ -165,7 +166,8 @@ def draw_functions(
         else:
             axes.plot([], [], color="0.5", linewidth=0.5, label="95 % confidence")
     axes.set(xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
-    add_gravity_axis(axes, functions[0].unit, horizontal=True)
+    quantity = measure_words(functions[0].im) or "intensity measure"
+    add_gravity_axis(axes, quantity, functions[0].unit, horizontal=True)
     _name_functions(axes, functions, "" if fitted else which)
 
 
@@ -217,9 +219,12 @@ def _draw_function(
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
     """Add the legend of the fragility functions to a panel. The first line of its title is `which`.
 
-    "exceedance of" is omitted for functions without a threshold of the demand.
+    The second line names the quantity; it is omitted for functions without a threshold.
     """
-    exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
+    exceeded = ""
+    if not math.isnan(functions[0].threshold):
+        quantity = "drift ratio" if functions[0].is_drift_ratio else "threshold"
+        exceeded = f"exceedance of the {quantity}"
     title = "\n".join(filter(None, (which, exceeded))) or None
     axes.legend(
         loc="lower right",

@@ -27,6 +27,7 @@ from tdint.studies.motions.scaling_figures import (
     MIN_MOTIONS,
     add_gravity_axis,
     measure_label,
+    measure_words,
     single_style,
 )
 
@@ -102,7 +103,7 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     axes.set(
         xlabel="maximum drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit)
     )
-    add_gravity_axis(axes, study.measure.unit)
+    add_gravity_axis(axes, measure_words(study.im_name), study.measure.unit)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
 
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdint.arrays import Array
 from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import components
 from tdint.number_parsing import number_text, pluralize
@@ -16,6 +15,7 @@ from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, dr
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
+    NO_BREAK_SPACE,
     FirstPeriods,
     changed,
     mark_first_periods,
@@ -56,6 +56,8 @@ _SPECTRAL_NAMES = {"sa": "Sa", "sa-avg": "Sa_avg"}
 MIN_MOTIONS = 3  # minimum number of ground motions for fractiles
 _PERIODS = (0.05, 5.0, 120)
 """First period (s), last period (s) and number of periods of the spectra of a scaled suite."""
+_MAX_PERIOD_RATIO = 1.5
+"""Period divided by the longest period of the rule, up to which spectra determine the axis."""
 _MIN_INTERVALS = 0.06  # minimum period of spectra divided by the sampling interval
 
 
@@ -105,11 +107,13 @@ def measure_label(name: str, unit: str) -> str:
     return f"{text} ({unit.replace('^2', '²')})" if unit else text
 
 
-def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
+def add_gravity_axis(axes: Any, quantity: str, unit: str, *, horizontal: bool = False) -> None:
     """Add a second axis in g, if the axis of a panel has another unit of acceleration.
 
     Parameters
     ----------
+    quantity : str
+        Name of the quantity, which precedes the unit.
     unit : str
         Unit of the existing axis. For g and for units of other quantities, no axis is added.
     """
@@ -126,7 +130,7 @@ def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
     plain_numbers(axis)
     if scale == "log":
         minor_ticks(axis)
-    axis.set_label_text("(g)")
+    axis.set_label_text(f"{quantity} (g)")
 
 
 def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPeriods = ()) -> Figure:
@@ -142,6 +146,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
     if scaling.target is not None:
         source = scaling.target.source
         target = spectrum_text(source) if scaling.target.curve else record_name(source)
+        target = target.replace(" ", NO_BREAK_SPACE)
     value = ""
     if scaling.measure is not None and scaling.value is not None:
         unit = scaling.measure.unit
@@ -204,11 +209,19 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     axes.plot(periods, spectra.T, zorder=1, **plot_style)
     axes.plot([], [], label=pluralize(len(spectra), quantity), **plot_style)
     if several:
+        style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
+        axes.plot(periods, np.mean(spectra, axis=0), **style, label="mean")
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= MIN_MOTIONS:
         draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
-    _draw_target(axes, scaling, periods, spectra, units)
+    _draw_target(axes, scaling, units)
     plain_logarithmic(axes)
+    # Smaller values, at periods beyond the range of the rule, do not matter for the scaling.
+    if scaling.periods is not None and scaling.target is not None:
+        in_range = periods <= _MAX_PERIOD_RATIO * scaling.periods[-1]
+        smallest = float(np.min(spectra[:, in_range]))
+        if smallest > 0.0:
+            axes.set_ylim(bottom=0.8 * smallest)
     if others is not None and len(others):
         # The limits of the axis follow from the selected motions and the target.
         limits = axes.get_ylim()
@@ -216,22 +229,21 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
         axes.set_ylim(limits)
     axes.set(xlim=(periods[0], periods[-1]), xlabel="period (s)")
     axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
-    add_gravity_axis(axes, units.unit("m/s^2")[0])
+    add_gravity_axis(axes, "Sa", units.unit("m/s^2")[0])
     axes.legend(loc="lower left")
 
 
-def _draw_target(
-    axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits
-) -> None:
+def _draw_target(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     """Plot the target of a scaling: a target spectrum, or the value of an intensity measure.
 
-    `spectra` are the scaled spectra in the unit of the axis, shape (motions, periods). Their
-    average is plotted if the rule of the scaling limits it.
+    For rules that limit the mean of the scaled spectra, 90 % of the target is plotted as well.
     """
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:
         target, psa = scaling.target, units.of(scaling.target.psa, "m/s^2")
-        axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0)
+        ends = f"{number_text(scaling.periods[0])} to {number_text(scaling.periods[-1])} s"
+        label = f"range of the rule, {ends}"
+        axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0, label=label)
         axes.plot(target.periods, psa, color=red, linewidth=2.2, label="target", zorder=5)
         if scaling.least is not None:
             axes.plot(
@@ -242,8 +254,6 @@ def _draw_target(
                 zorder=5,
                 label="90 % of the target",
             )
-            style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
-            axes.plot(periods, np.mean(spectra, axis=0), **style, label="average")
     target_periods = _target_periods(scaling)
     if scaling.value is None or not target_periods:
         return
