@@ -122,7 +122,7 @@ def test_the_page_of_a_run(folder: Path, tdint: Command, drawn: None) -> None:
     assert f"first period {period:.4g} s with {100.0 * damping:.3g} % damping" in found.text
     for file in ("shaken.yaml", "motion.mseed"):
         assert hashlib.sha256(Path(file).read_bytes()).hexdigest() in found.text
-    assert len(found.sources) == 2
+    assert len(found.sources) == 3
     for text in (
         "Torsion, floor flexibility",
         "Time integration",

@@ -310,6 +310,12 @@ def run_page(
         page_text.result(*([histories] if response.history is not None else [])),
         Chapter("Limits", _limit_parts(response, page_text, units)),
         Chapter("Base shear and pushover", _pushover_parts(response, units)),
+        assumptions(
+            f"{method_text(response.method)}, {pluralize(response.steps, 'time step')} of "
+            f"{response.dt:.6g} s",
+            (),
+        ),
+        Chapter("Notes", (once(response.notes),)),
         Chapter(
             "Peaks of the stories",
             (
@@ -324,12 +330,6 @@ def run_page(
         model_chapter(model, units, response.stories),
         unscaled_motions([response.record] if response.record else [], model, units),
         _load_chapter(model, response.steps * response.dt, units),
-        assumptions(
-            f"{method_text(response.method)}, {pluralize(response.steps, 'time step')} of "
-            f"{response.dt:.6g} s",
-            (),
-        ),
-        Chapter("Notes", (once(response.notes),)),
     ]
     return page(
         model.name,
@@ -493,6 +493,13 @@ def motion_chapter(
         scaling = "" if factors == {1.0} else f", {times}"
         if len(levels) > 1:
             parts.append(f"Level {number} of {len(levels)}{scaling}:")
+        # A figure of more spectra would be a gray area.
+        if len(records) <= MAX_MOTIONS and not drawn:
+            grid = np.geomspace(SPECTRUM_PERIODS[0], SPECTRUM_PERIODS[1], int(SPECTRUM_PERIODS[2]))
+            spectra = [spectrum(record, grid) for record in records]
+            draw = partial(figures.spectrum_curves.low_picture, spectra, units, periods)
+            parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))
+            drawn = len(factors) == 1  # the spectra of another common factor are a multiple
         parts.append(motion_table(records).in_units(units))
         origins = [record.origin for record in records]
         if matched := matched_clause(origins, len(origins), spectrum_text):
@@ -504,13 +511,6 @@ def motion_chapter(
                 for text in (record.origin.warnings if record.origin else ())
             ]:
                 parts += ["Warnings of the match:", once(warnings)]
-        # A figure of more spectra would be a gray area.
-        if len(records) <= MAX_MOTIONS and not drawn:
-            grid = np.geomspace(SPECTRUM_PERIODS[0], SPECTRUM_PERIODS[1], int(SPECTRUM_PERIODS[2]))
-            spectra = [spectrum(record, grid) for record in records]
-            draw = partial(figures.spectrum_curves.low_picture, spectra, units, periods)
-            parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))
-            drawn = len(factors) == 1  # the spectra of another common factor are a multiple
     return Chapter("Ground motions", parts)
 
 
