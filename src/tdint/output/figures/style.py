@@ -588,7 +588,9 @@ def titled(figure: Figure, title: str) -> Figure:
     return figure
 
 
-NO_BREAK_SPACE = "\u00a0"  # `wrap` does not break a line at this character
+NO_BREAK_SPACE = "\u2060"
+"""Placeholder of a space at which `titled` does not break a line; `shorten` replaces U+00A0."""
+
 _QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.])")
 
 
