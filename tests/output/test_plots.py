@@ -24,9 +24,11 @@ from tdint.output.figures.spectrum_curves import (
     draw_tripartite,
     drift_spectrum_picture,
     inelastic_picture,
+    low_picture,
     spectrum_picture,
 )
 from tdint.output.figures.style import changed, picture, titled
+from tdint.output.report import _pushover_parts
 from tdint.response.runs.history import ErrorHistory
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run import run
@@ -182,6 +184,70 @@ def test_only_the_time_of_a_short_pulse_is_drawn():
     assert force == pytest.approx((4.9875, 5.0625)) and roof == (0.0, 10.0)
     assert load_picture(response.model, 10.0).axes[0].get_xlim() == force
     assert load_picture(response.model, 5.04).axes[0].get_xlim() == (0.0, 5.04)
+
+
+def yielding(quiet):
+    """Return the run of a yielding story under a pulse that starts after a quiet time, s."""
+    pulse = np.where(np.arange(200) < 100, 6.0 * np.sin(np.linspace(0.0, 12.0, 200)), 0.0)
+    values = np.concatenate([np.zeros(int(quiet / 0.01)), pulse])
+    record = replace(motion(), acceleration=values)
+    model = {
+        "name": "one story",
+        "stories": [
+            {"mass": 1e4, "stiffness": 4e6, "height": 3.0, "p_delta": False}
+            | {"law": {"type": "bilinear", "yield_force": 2e4, "hardening": 0.05}}
+        ],
+        "damping": {"rayleigh": {"ratio": 0.05, "modes": [1]}},
+        "analysis": {"method": "impulse4"},
+    }
+    return run(model, record, history=True, check=False)
+
+
+def test_the_time_axis_covers_the_strong_motion_and_states_its_rule():
+    """Peaks are written above the panels, where they cover no curve."""
+    figure = run_picture(yielding(5.0))
+    ground, roof, energies = figure.axes[:3]
+    for axes in (ground, roof, energies):
+        start, end = axes.get_xlim()
+        assert 4.9 < start <= 5.01 and 6.0 < end <= 7.0
+    assert energies.get_xlabel() == "time (s), from the first to the last value of 5 % of a peak"
+    notes = [text for axes in (ground, roof) for text in axes.texts if "peak" in text.get_text()]
+    assert len(notes) == 2 and all(note.xy == (1.0, 1.0) for note in notes)
+    # Without a long quiet part, the axis covers the run.
+    figure = run_picture(yielding(0.0))
+    assert figure.axes[1].get_xlim() == (0.0, pytest.approx(1.99, abs=0.02))
+    assert figure.axes[2].get_xlabel() == "time (s)"
+
+
+def test_the_base_shear_of_a_run_is_beside_the_pushover():
+    """The first excursion of a run without viscous forces follows the curve of the pushover."""
+    response = yielding(0.0)
+    (picture,) = _pushover_parts(response, parse_output_units("kN,m"))
+    axes = picture.draw().axes[0]
+    assert axes.get_xlabel() == "roof drift ratio (%)" and axes.get_ylabel() == "base shear (kN)"
+    drawn, curve = (line.get_xydata() for line in axes.lines[:2])
+    peak = 100.0 * response.stories.peak_displacement[-1] / 3.0
+    assert np.max(np.abs(drawn[:, 0])) == pytest.approx(peak, rel=1e-3)
+    assert np.max(np.abs(curve[:, 0])) == pytest.approx(peak, rel=1e-5)
+    # The ends of the run and of the pushover have the same sign and the same strength.
+    end = drawn[np.argmax(np.abs(drawn[:, 0]))]
+    assert np.sign(end[0]) == np.sign(curve[-1, 0])
+    expected = 20.0 + 0.05 * 4e3 * (0.03 * peak - 20.0 / 4e3)
+    assert abs(curve[-1, 1]) == pytest.approx(expected, rel=1e-6)
+    # An elastic run, and a run without a history, have no figure.
+    assert _pushover_parts(replace(response, history=None), parse_output_units("kN,m")) == ()
+
+
+def test_spectra_of_a_set_have_their_mean():
+    spectra = [
+        spectrum(motion(source=f"{factor}").scaled(factor), np.geomspace(0.1, 2.0, 9))
+        for factor in (1.0, 2.0, 6.0)
+    ]
+    axes = low_picture(spectra, periods=[("frame", 0.5)]).axes[0]
+    (mean,) = (line for line in axes.lines if line.get_label() == "mean")
+    factor = parse_output_units("g").of(1.0, "m/s^2")
+    np.testing.assert_allclose(mean.get_ydata(), 3.0 * factor * spectra[0].psa, rtol=1e-9)
+    assert any("T1" in str(line.get_label()) for line in axes.lines)
 
 
 def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
