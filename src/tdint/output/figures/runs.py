@@ -133,12 +133,13 @@ def _show_strong_motion(roof: Any, energies: Any, record: Record, history: Histo
     """
     ground = np.interp(history.time, record.time, record.acceleration, right=0.0)
     displacement = history.displacement[:, -1]
-    strong: list[float] = []
-    for values in (ground, displacement - displacement[-1]):
-        times = history.time[np.abs(values) >= _STRONG * (np.max(np.abs(values)) or math.inf)]
-        strong += times[[0, -1]].tolist() if times.size else []
+    firsts, lasts = [], []
+    for values, rest in ((ground, 0.0), (displacement, displacement[-1])):
+        limit = _STRONG * (np.max(np.abs(values)) or math.inf)
+        firsts += history.time[np.abs(values - values[0]) >= limit][:1].tolist()
+        lasts += history.time[np.abs(values - rest) >= limit][-1:].tolist()
     start, end = history.time[0], history.time[-1]
-    first, last = min(strong, default=start), max(strong, default=end)
+    first, last = min(firsts, default=start), max(lasts, default=end)
     if last - first < _MAX_STRONG * (end - start):
         margin = 0.02 * (last - first)
         roof.set_xlim(max(first - margin, start), min(last + margin, end))
