@@ -7,7 +7,7 @@ import pytest
 
 import tdint
 from tdint.errors import UsageError
-from tdint.response.runs.damage_index import building_index, park_ang
+from tdint.response.runs.damage_index import park_ang
 
 STORY = {"ultimate_drift": 0.06, "yield_drift": 0.01, "yield_force": 100.0}
 
@@ -18,8 +18,6 @@ def test_index_of_an_elastic_and_perfectly_plastic_story():
     index = park_ang(0.04, 11.0, **STORY)
     assert index == pytest.approx(0.7583333333, rel=1e-9)
     assert park_ang(0.04, 11.0, kunnath=True, **STORY) == pytest.approx(0.6916666667, rel=1e-9)
-    assert building_index([index, 0.3], [11.0, 2.0]) == pytest.approx(0.6878205128, rel=1e-9)
-    assert building_index([0.2, 0.3], [0.0, 0.0]) == 0.0
 
 
 @pytest.mark.parametrize("ultimate", [0.01, 0.005, np.nan])

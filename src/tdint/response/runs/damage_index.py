@@ -1,4 +1,4 @@
-"""Damage indices of stories and buildings (Park and Ang 1985; Kunnath et al. 1992)."""
+"""Damage indices of stories (Park and Ang 1985; Kunnath et al. 1992)."""
 
 from __future__ import annotations
 
@@ -54,11 +54,3 @@ def park_ang(
     if kunnath:
         first = np.maximum(peak - yielding, 0.0) / (ultimate - yielding)
     return np.asarray(first + energy_weight * spent / (force * ultimate))
-
-
-def building_index(indices: Numbers, energies: Numbers) -> float:
-    """Return the damage index of a building: the mean of the indices of its stories, weighted by
-    their hysteretic energies; 0 if no story dissipates energy."""
-    index, energy = np.asarray(indices, float), np.asarray(energies, float)
-    total = float(np.sum(energy))
-    return float(np.sum(index * energy)) / total if total > 0.0 else 0.0
