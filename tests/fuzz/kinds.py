@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from fuzz import (
     api,
+    changed_models,
     characters,
     command_lines,
     model_files,
@@ -69,6 +70,9 @@ KINDS = {
             _models()[name], model_files.damaged(_models()[name], seed)
         ),
         model_files.OUTCOMES,
+    ),
+    "changes": Kind(
+        lambda: list(changed_models.NAMES), changed_models.outcome, changed_models.OUTCOMES
     ),
     "commands": Kind(
         command_lines.names,

@@ -1,7 +1,7 @@
 """Mutate hundreds of thousands of records, models, studies, command lines and calls, and count their
 outcomes.
 
-    python tests/fuzz/run.py [--of records|models|studies|stores|names|commands|characters|api] [--cases 100000] [--seed 0]
+    python tests/fuzz/run.py [--of records|models|changes|studies|stores|names|commands|characters|api] [--cases 100000] [--seed 0]
                              [--jobs 2] [--name MSEED]
     python tests/fuzz/run.py --bits                # every single bit of the headers of MiniSEED and SAC
 

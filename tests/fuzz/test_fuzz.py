@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from fuzz import api, model_files, stores, studies
+from fuzz import api, changed_models, model_files, stores, studies
 from fuzz.corpus import corpus
 from fuzz.kinds import KINDS
 from fuzz.oracle import REFUSED, Failure, outcome, read
@@ -20,6 +20,7 @@ SLOW = {"order", "failures", "chart", "campaign", "ida", "scale", "fragility", "
 TRIED: dict[str, tuple[int, set[str]]] = {
     "records": (6, {REFUSED}),
     "models": (6, {model_files.REFUSED, model_files.RUNS}),
+    "changes": (6, {changed_models.REFUSED}),
     "commands": (2, set()),
     "characters": (3, {"usage"}),
     "studies": (8, {"done"}),

@@ -18,7 +18,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.config.model_file import load_model
 from tdint.output import tables
 from tdint.output.tables import buildings, histories, methods, responses, spectra
-from tdint.output.tables.table import TEXT, Column, Table, cell_text
+from tdint.output.tables.table import TEXT, Column, Table, cell_text, csv_bytes
 from tdint.response.runs.energy import ENERGY_TERMS
 from tdint.response.runs.history import EnergyHistory, History
 from tdint.response.runs.outcome import StoryPeaks
@@ -55,6 +55,20 @@ def test_cells():
     assert [
         cell_text(value) for value in (3, np.int64(7), "a b", -0.0, 1.0, 0.1, np.float64(1e-7))
     ] == ["3", "7", "a b", "0", "1", "0.1", "1e-07"]
+
+
+def test_rows_of_any_cells_are_written_as_their_texts():
+    """The csv module reads each cell as its text, also next to nan, negative zero, empty cells and
+    texts that contain "nan" or end with -0."""
+    cells = [
+        *(0.0, -0.0, math.nan, math.inf, 1e-05, 5e-324, 123456789012345.6, -1.5, None, True, 1, -7),
+        *(10**20, "", "a", "nan", "x-0", "a,b", 'q"t', "=cmd", "a;=b", "-", "%s", "Fernandez"),
+        *(np.float64(-0.0), np.float64(math.nan), np.int64(3), np.bool_(True)),
+    ]
+    rows = [(first, second) for first in cells for second in cells]
+    expected = [[cell_text(cell) for cell in row] for row in rows]
+    assert list(csv.reader(io.StringIO(csv_bytes(rows).decode()))) == expected
+    assert csv_bytes([[""], ["a;=b"], [-0.0]]) == b'""\n"a;=b"\n0\n'
 
 
 def test_story_table():

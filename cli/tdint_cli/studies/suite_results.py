@@ -17,7 +17,7 @@ from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint.output import figures
 from tdint.output.page import PageText, page_units
 from tdint.output.run_summary import LIMIT_MEANINGS
-from tdint.output.spectrum_text import spectrum_text
+from tdint.output.spectrum_text import spectrum_text, target_text
 from tdint.output.tables.table import Table
 from tdint.output.verdicts import (
     Verdict,
@@ -28,8 +28,14 @@ from tdint.output.verdicts import (
     limits_summary,
 )
 from tdint.studies.campaign.plan import Plan
-from tdint.studies.campaign.story_profiles import FloorSuite, Profile, profiles
-from tdint.studies.campaign.variants import at_levels, ratios
+from tdint.studies.campaign.story_profiles import (
+    FloorSuite,
+    Profile,
+    SuiteLevel,
+    SuiteRules,
+    profiles,
+)
+from tdint.studies.campaign.variants import ratios
 from tdint.studies.fragility.damage_tables import check_column
 from tdint.studies.store.result_store import Store
 from tdint.units import OutputUnits
@@ -126,7 +132,10 @@ class SuiteResults:
 
     @cached_property
     def checks(self) -> list[tuple[Profile, Sequence[LimitCheck]]]:
-        """Comparisons of each profile with the limits of the command line or of its model."""
+        """Comparisons of each profile with the limits of the command line or of its model; empty
+        without limits, so that the profiles of thousands of buildings are not in memory."""
+        if self.request.limit is None and not self.store.has_limits:
+            return []
         return [
             (profile, profile.limit_checks(self.request.limit, accepted=self._accepted))
             for profile in self.profiles
@@ -180,19 +189,14 @@ class SuiteResults:
         factors = [factor for values in lists for factor in values]
         low, high = (number_text(factor, 3) for factor in (min(factors), max(factors)))
         range_text = f"factor {low}" if low == high else f"factors {low} to {high}"
-        if "target" in scaling:
-            target = f" to {spectrum_text(scaling['target'])}"
-        elif "measure" in scaling:
-            value = f"{scaling['value']:.4g} {scaling.get('unit', '')}".rstrip()
-            target = f" to {scaling['measure']} = {value}"
-        else:
-            target = f" by {scaling['file']}"
+        text = target_text(scaling)
+        target = f" to {text}" if text else f" by {scaling['file']}"
         rule = f"rule {scaling['rule']}, " if "rule" in scaling else ""
         return f"scaled{target} ({rule}{range_text})"
 
     def _require_profiles(self, option: str) -> None:
         """Raise AnalysisError, with the option that needs them, if no demands are stored."""
-        if not self.profiles:
+        if not self.store.has_stories:
             raise AnalysisError(f"{option}: {NOT_STORED}")
 
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
@@ -206,11 +210,12 @@ class SuiteResults:
         request = self.request
         # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of
         # several buildings contains their collapses.
-        lost_motions = []
-        has_variants = len({profile.building for profile in self.profiles}) > 1
-        for profile in self.profiles:
-            if text := self._lost_motions_text(profile):
-                lost_motions.append((profile.counts.collapsed > 0, text))
+        has_variants, _ = self._several
+        lost_motions = [
+            (profile.counts.collapsed > 0, text)
+            for profile in self.profiles
+            if (text := self._lost_motions_text(profile))
+        ]
         # Use the units and the head of the models if they agree.
         models = {model.source: model for model in plan.models}.values()
         units = {model.page_units for model in models}
@@ -250,21 +255,16 @@ class SuiteResults:
             baseline=request.baseline,
         )
 
-    def _lost_motions_text(self, profile: Profile) -> str:
-        """Return a sentence about the collapsed and failed runs, which the means exclude.
-
-        The text is empty if no run collapsed or failed.
-
-        `profile` contains the results of one building under the suite at a single intensity level.
-        """
-        if not profile.lost_text:
+    def _lost_motions_text(self, level: SuiteLevel) -> str:
+        """Return a sentence about the collapsed and failed runs of a building at an intensity
+        level, which the means exclude; empty without such runs."""
+        if not level.lost_text:
             return ""
-        if remaining := profile.counts.completed:
+        if remaining := level.counts.completed:
             means = f"the means are over the remaining {pluralize(remaining, 'motion')}"
         else:
             means = "no mean can be computed"
-        name = self.building(profile) or profile.building
-        return f"{name}: {profile.lost_text}; {means}"
+        return f"{self.building(level) or level.building}: {level.lost_text}; {means}"
 
     def report_results(self) -> list[TdintError]:
         """Report collapsed and failed runs, and compare the mean demands with the limits.
@@ -311,7 +311,13 @@ class SuiteResults:
             warn(text)
             return []
 
-        lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
+        rules, buildings = SuiteRules.of(self.store), self.store.buildings()
+        lines = [
+            text
+            for number, (building, _) in (buildings.items() if self.store.has_stories else ())
+            for level in rules.levels_of(self.store, number, building)
+            if (text := self._lost_motions_text(level))
+        ]
         # A campaign with the buildings of a region can have collapses in many buildings, which are
         # results of the study. Then only the first lines are shown, as notes and not as warnings.
         omitted = len(lines) - _MAX_LINES
@@ -329,7 +335,7 @@ class SuiteResults:
             return []
         # Limits of the models are not checked if their data are missing. Without the data for
         # --limit or --require, the command fails.
-        if not self.profiles and limit is None and not self.request.require:
+        if not self.store.has_stories and limit is None and not self.request.require:
             note(f"the limits of the models are not checked: {NOT_STORED}")
             return []
         self._require_profiles("--limit" if limit is not None else "--require")
@@ -448,7 +454,7 @@ class SuiteResults:
         without a limit; and the sentence, with values in `units`. For several buildings, one
         sentence lists the buildings; the table of limits contains the values.
         """
-        if len({profile.building for profile in self.profiles}) > 1:
+        if self._several[0]:
             outcomes: dict[str, bool] = {}
             for profile, verdict in self.verdicts(units):
                 if verdict.met is not None:
@@ -470,11 +476,18 @@ class SuiteResults:
             if text and not self.is_limited(profile):
                 yield None, self.named(profile, text)
 
-    def building(self, profile: Profile) -> str:
-        """Return the name of a profile, which is empty if there is only a single profile."""
-        several = len({other.building for other in self.profiles}) > 1
-        level = profile.level_text if len(at_levels(self.profiles)) > 1 else ""
-        return ", ".join(filter(None, [profile.building if several else "", level]))
+    def building(self, level: SuiteLevel) -> str:
+        """Return the name of a building at a level, without the part that all have in common."""
+        several_buildings, several_levels = self._several
+        parts = level.building * several_buildings, level.level_text * several_levels
+        return ", ".join(filter(None, parts))
+
+    @cached_property
+    def _several(self) -> tuple[bool, bool]:
+        """True if the campaign has several buildings; True if it has several levels."""
+        query = "SELECT count(DISTINCT building), count(DISTINCT level) FROM run_rows"
+        buildings, levels = self.store.connection.execute(query).fetchone()
+        return buildings > 1, levels > 1
 
     def named(self, profile: Profile, text: str) -> str:
         """Return a sentence that begins with the name of the profile, if the name is not empty."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from tdint.units import STANDARD_GRAVITY, parse_with_unit
 
 _CODES = {
@@ -65,3 +68,12 @@ def spectrum_text(source: str) -> str:
             value = f"{acceleration / STANDARD_GRAVITY:.4g} g"
         parts.append(_PARAMETERS[key.strip()].format(value.strip()))
     return ", ".join(parts)
+
+
+def target_text(settings: Mapping[str, Any]) -> str:
+    """Return the target of a scaling: a spectrum, or a measure and its value; empty if unknown."""
+    if target := settings.get("target"):
+        return spectrum_text(target)
+    if not (measure := settings.get("measure")):
+        return ""
+    return f"{measure} = {settings['value']:.4g} {settings.get('unit', '')}".rstrip()

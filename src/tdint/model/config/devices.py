@@ -87,9 +87,9 @@ LINKS = EntriesOf(_LINK, least=1)
 
 @dataclass
 class _Names:
-    """Names of the attachments and links of a file, which must be unique."""
+    """Names of the attachments and links of a file by their names in columns, which are unique."""
 
-    used: list[str]
+    used: dict[str, str]
 
     def read(self, section: Section, kind: str, number: int) -> str:
         """Return the name of an entry, or its default; report a name that is already used."""
@@ -98,9 +98,9 @@ class _Names:
         # Attachments are ends of links; otherwise the names of the ends are the names of floors.
         if kind == "attachment" and (name in (GROUND, ROOF) or name.isdecimal()):
             (value or section.value).fault(f"{name!r} is the name of a floor; use another name")
-        elif column_name(name) in map(column_name, self.used):
+        elif column_name(name) in self.used:
             (value or section.value).fault(f"{name!r} is already used; names must be unique")
-        self.used.append(name)
+        self.used.setdefault(column_name(name), name)
         return name
 
 
@@ -112,7 +112,7 @@ def read_devices(
     `count` is the number of stories; None if it is unknown because of an error. `floor_mass` is the
     mass of all floors, kg.
     """
-    names = _Names([])
+    names = _Names({})
     attachments = []
     loose: list[Section | None] = []  # attachments without a spring, which links must hold
     for number, entry in enumerate(_entries(section, "attachments"), start=1):
@@ -120,7 +120,7 @@ def read_devices(
             attachment = _read_attachment(item, number, unit, (count, floor_mass), names)
             attachments.append(attachment)
             loose.append(item if attachment.spring.stiffness == 0.0 else None)
-    masses = list(names.used)
+    masses = list(names.used.values())
     links = []
     for number, entry in enumerate(_entries(section, "links"), start=1):
         if item := entry.section(_LINK):
@@ -164,7 +164,7 @@ def _read_attachment(
     name = names.read(section, "attachment", number)
     value = section.need("floor", "give the floor, counted from 1 at the bottom, roof or ground")
     floor = 1
-    if value and value.word in names.used:
+    if value and value.word in names.used.values():
         value.fault(
             "must be a floor of the building: attachments on attachments are not supported; a link "
             "between both attachments has the same effect"

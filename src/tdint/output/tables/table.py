@@ -16,6 +16,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain, repeat
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -321,7 +322,7 @@ class Table(NamedTuple):
 
     def csv(self) -> bytes:
         """Return the table as CSV."""
-        return csv_bytes([map(harmless, self.columns), *(map(cell_text, row) for row in self.rows)])
+        return csv_bytes([self.columns, *self.rows])
 
     def parquet(self) -> bytes:
         """Return the table as Parquet, with units and meanings, and with all digits of numbers.
@@ -401,25 +402,50 @@ def harmless(text: str) -> str:
     return f"'{printable}" if is_formula else printable
 
 
-def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
-    """Return rows of cells as CSV (UTF-8, LF line ends). The texts must be results of `cell_text`
-    or `harmless`.
+_FORMS: dict[type, str] = {float: "%.12g", int: "%d", type(None): "%.0s"}
+"""Formats of cells without texts; the last one writes nothing."""
 
-    A cell that contains a formula after a semicolon is quoted, because many spreadsheets use the
-    semicolon as separator.
-    """
-    text = io.StringIO()
-    # A carriage return at the end of a cell makes the writer quote the cell. Harmless cells contain
-    # no carriage returns, so all carriage returns can be removed from the result.
-    writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerows(
-        [
-            f"{cell}\r" if ";" in cell and re.search(_FORMULA_AFTER_SEMICOLON, cell) else cell
-            for cell in row
-        ]
-        for row in rows
-    )
-    return text.getvalue().replace("\r", "").encode()
+
+def csv_bytes(rows: Iterable[Iterable[Cell]]) -> bytes:
+    """Return rows of cells as CSV (UTF-8, LF line ends), each cell as by `cell_text`."""
+    # Rows with cells of the same types have the same format, which is faster than one of each cell:
+    # a campaign has millions of cells.
+    forms: dict[tuple[type, ...], tuple[str, list[int]]] = {}
+
+    def line_of(cells: tuple[Cell, ...]) -> str:
+        """Return the line of a row without nan and negative zero."""
+        types = tuple(map(type, cells))
+        if types not in forms:
+            texts = [index for index, cell_type in enumerate(types) if cell_type not in _FORMS]
+            forms[types] = ",".join(_FORMS.get(item, "%s") for item in types), texts
+        form, texts = forms[types]
+        values: list[Any] = [*cells]
+        for index in texts:
+            values[index] = _csv_cell(values[index])
+        return form % tuple(values)
+
+    lines = []
+    for row in rows:
+        cells = tuple(row)
+        line = line_of(cells)
+        if "nan" in line or "-0," in line or line.endswith("-0"):
+            # Adding 0.0 removes the sign of negative zero; nan differs from itself.
+            line = line_of(
+                tuple((c + 0.0 if c == c else None) if type(c) is float else c for c in cells)
+            )
+        lines.append(line or '""' * len(cells))  # a line with a single empty cell
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+@lru_cache(maxsize=4096, typed=True)
+def _csv_cell(value: Cell) -> str:
+    """Return a cell for a line of CSV. A cell that contains a formula after a semicolon is quoted,
+    because many spreadsheets use the semicolon as separator."""
+    cell, text = cell_text(value), io.StringIO()
+    if ";" in cell and re.search(_FORMULA_AFTER_SEMICOLON, cell):
+        cell += "\r"  # makes the writer quote the cell; harmless cells contain none
+    csv.writer(text, lineterminator="\r\n").writerow([cell, ""])
+    return text.getvalue()[:-3].replace("\r", "")
 
 
 RECORD_COLUMNS = (

@@ -412,10 +412,6 @@ class Scales:
 
     values: tuple[float, ...]
 
-    def count(self, motion: int) -> int:
-        """Return the number of factors of a motion."""
-        return len(self.values)
-
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Return the factors of a motion for each building."""
         return [self.values] * len(periods)
@@ -538,10 +534,6 @@ class FactorTable:
             factors += values
         return factors
 
-    def count(self, motion: int) -> int:
-        """Return the number of factors of a motion."""
-        return len(self.by_motion[motion])
-
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Return the factors of a motion for each building."""
         return [tuple(self.by_motion[motion])] * len(periods)
@@ -596,10 +588,6 @@ class MeasureLevels:
     pair: str
     recordings: Sequence[GroundMotion] = ()
 
-    def count(self, motion: int) -> int:
-        """Return the number of levels, for each motion."""
-        return len(self.values)
-
     def level_values(self, motion: int) -> Sequence[float]:
         """Return the levels."""
         return self.values
@@ -637,5 +625,5 @@ class MeasureLevels:
 
 
 Levels = Scales | FactorTable | MeasureLevels
-"""Scale factors of motions: `count` returns the number of factors of a motion, `factors` its
-factors for each building, and `description` the settings."""
+"""Scale factors of motions: `factors` returns the factors of a motion for each building,
+`level_values` their levels, and `description` the settings."""

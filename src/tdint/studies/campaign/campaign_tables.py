@@ -27,7 +27,6 @@ from tdint.output.tables.table import (
     converted,
     csv_bytes,
     error_columns,
-    harmless,
     names,
     rows_of,
 )
@@ -241,7 +240,7 @@ class StoreTable(NamedTuple):
     def write(self, stream: BinaryIO, units: OutputUnits = SI) -> None:
         """Write the table as CSV to a stream, in output units."""
         names_and_factors = [units.column(column.name, column.unit) for column in self.columns]
-        stream.write(csv_bytes([[harmless(name) for name, _ in names_and_factors]]))
+        stream.write(csv_bytes([[name for name, _ in names_and_factors]]))
         rows = self.rows
         if units != SI:
             factors = [factor for _, factor in names_and_factors]
@@ -252,7 +251,7 @@ class StoreTable(NamedTuple):
         # Rows are formatted in batches, because a campaign may have more rows than fit into memory.
         source = iter(rows)
         while batch := list(islice(source, _ROWS_AT_ONCE)):
-            stream.write(csv_bytes([number_text(cell) for cell in row] for row in batch))
+            stream.write(csv_bytes(batch))
 
 
 def run_table(store: Store) -> StoreTable:
@@ -303,7 +302,7 @@ def _run_rows(store: Store) -> Iterator[list[Any]]:
             level,
             methods[building],
             dt,
-            cell_text(status),
+            status,
         ]
         # The columns of RUNS are followed by values that are not in the table, and by the errors,
         # which every row of the store contains, even if no errors were estimated.
@@ -331,10 +330,7 @@ def part_table(store: Store, table: RowTable) -> StoreTable:
 def _part_rows(store: Store, table: RowTable, *, has_samples: bool) -> Iterator[list[Any]]:
     """Yield the rows of `part_table`."""
     name_cells = run_heads(store)
-    texts = [index for index, column in enumerate(table.shown) if column.unit == TEXT]
     for building, record, scale, sample, *cells in store.parts(table):
-        for index in texts:
-            cells[index] = cell_text(cells[index])
         sample_cell = (sample,) if has_samples else ()
         yield [*name_cells(building, record), scale, *sample_cell, *cells]
 
@@ -528,16 +524,6 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
         Store of the campaign, which determines the columns of the level and of pairs.
     """
     return Table.of_results(with_pair_demand(store, with_level(store, FLOOR_SUITES, 2)), suites)
-
-
-def number_text(cell: Any) -> str:
-    """Return a number, a formatted text or None as text.
-
-    It is a fast version of `cell_text`, because it is called for millions of cells.
-    """
-    if type(cell) is float:
-        return format(cell + 0.0, ".12g") if cell == cell else ""  # NaN differs from itself
-    return "" if cell is None else str(cell)
 
 
 def status_table(statuses: dict[str, int], remaining: int) -> Table:

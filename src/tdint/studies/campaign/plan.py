@@ -245,7 +245,9 @@ class Plan:
     @cached_property
     def _counts(self) -> NDArray[np.int64]:
         """Number of runs of each building."""
-        return self.assignment.counts(len(self.buildings), self.levels.count)
+        return self.assignment.counts(
+            len(self.buildings), lambda motion: len(self.levels.level_values(motion))
+        )
 
     @cached_property
     def _ends(self) -> NDArray[np.int64]:

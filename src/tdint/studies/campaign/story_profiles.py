@@ -112,19 +112,10 @@ class Statistics:
             statistics = np.array(list(vars(cls.of(samples)).values()))
             return np.where(np.isinf(statistics), math.nan, statistics)
 
-        return cls(*_maximum_error(statistics_of, values, errors))
-
-
-def _maximum_error(
-    increasing_function: Callable[[Array], Array], values: Array, errors: Array
-) -> Array:
-    """Return the maximum error of a function that increases with each of its values: the error if
-    all values are increased, or all are decreased, by their errors.
-    """
-    result = increasing_function(values)
-    increase = increasing_function(values + errors) - result
-    decrease = result - increasing_function(values - errors)
-    return np.asarray(np.maximum(increase, decrease))
+        result = statistics_of(values)
+        increase = statistics_of(values + errors) - result
+        decrease = result - statistics_of(values - errors)
+        return cls(*np.maximum(increase, decrease))
 
 
 @dataclass(frozen=True)
@@ -159,6 +150,7 @@ class SuiteLevel:
     run_outcome: Outcomes
     measure: tuple[str, str]
     pair_demand: str
+    building: str
 
     @property
     def level_text(self) -> str:
@@ -174,6 +166,20 @@ class SuiteLevel:
     def pairs(self) -> int:
         """Number of motions that are pairs of components."""
         return len(self.runs) - len(self.outcome)
+
+    @property
+    def lost_text(self) -> str:
+        """Numbers of lost motions, such as `of 7 ground motions, 2 collapsed and 1 failed`; empty
+        if all runs are completed without collapse. The worse component decides for its pair."""
+        if not self.counts.lost:
+            return ""
+        components = ""
+        if self.pairs:
+            done = int(np.count_nonzero(self.run_outcome == COMPLETED))
+            components = f" under a component, {done} of {len(self.runs)} components completed"
+        return (
+            f"of {pluralize(self.counts.motions, 'ground motion')}, {self.counts.text}{components}"
+        )
 
     def demands(self, values: Mapping[Run, Any]) -> Array:
         """Return the demand of each motion, which combines the values of its runs, as an array with
@@ -203,7 +209,6 @@ class Profile(SuiteLevel):
         Stories with isolators, from 1.
     """
 
-    building: str
     motions: tuple[str, ...]
     height: Array
     peaks: Mapping[str, Array]
@@ -236,20 +241,6 @@ class Profile(SuiteLevel):
     def completed(self) -> Self:
         """The profile of the completed motions."""
         return self.restricted_to(self.outcome == COMPLETED)
-
-    @property
-    def lost_text(self) -> str:
-        """Numbers of lost motions, such as `of 7 ground motions, 2 collapsed and 1 failed`; empty
-        if all runs are completed without collapse. The worse component decides for its pair."""
-        if not self.counts.lost:
-            return ""
-        components = ""
-        if self.pairs:
-            done = int(np.count_nonzero(self.run_outcome == COMPLETED))
-            components = f" under a component, {done} of {len(self.runs)} components completed"
-        return (
-            f"of {pluralize(self.counts.motions, 'ground motion')}, {self.counts.text}{components}"
-        )
 
     def limit_checks(
         self, limit: float | str | None = None, *, accepted: int = 0
@@ -311,7 +302,7 @@ def profiles(store: Store) -> Iterator[Profile]:
     The values of a single building are in memory at a time. If the store contains no peaks of
     stories, there are no profiles.
     """
-    if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
+    if not store.has_stories:
         return
     # Query the tables before the loop, because there may be a million buildings.
     records = store.records()
@@ -322,7 +313,7 @@ def profiles(store: Store) -> Iterator[Profile]:
         limits = store.limits(number)
         values_by_run = _story_values(store, number, has_errors)
         devices = device_values(store, number, limits.limits)
-        for level in rules.levels_of(store, number):
+        for level in rules.levels_of(store, number, name):
             # The name of a pair contains both components, its first and its last run.
             files = np.array([file_of_record[run.motion] for run in level.runs], object)
             motions = tuple(
@@ -335,7 +326,6 @@ def profiles(store: Store) -> Iterator[Profile]:
             peaks |= {quantity: level.demands(values) for quantity, values in devices.items()}
             yield Profile(
                 **vars(level),
-                building=name,
                 motions=motions,
                 height=height,
                 peaks=peaks,
@@ -426,14 +416,15 @@ class SuiteRules:
         measure = level_measure(store)
         return cls(store.pair_rule(), measure is not None, measure or ("", ""))
 
-    def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
-        """Group the runs of a building by intensity level, and yield the levels in ascending
-        order."""
-        return self.levels(store.values_of_runs("run_rows", "motion, level, status", building))
+    def levels_of(self, store: Store, number: int, building: str = "") -> Iterator[SuiteLevel]:
+        """Group the runs of the building with this number by intensity level, and yield the levels
+        as `levels`."""
+        rows = store.values_of_runs("run_rows", "motion, level, status", number)
+        return self.levels(rows, building)
 
-    def levels(self, rows: Iterable[SuiteRun]) -> Iterator[SuiteLevel]:
+    def levels(self, rows: Iterable[SuiteRun], building: str = "") -> Iterator[SuiteLevel]:
         """Group runs of a building by intensity level, and yield the levels in ascending order of
-        their magnitude (without sign)."""
+        their magnitude (without sign). `building` is the name of the building."""
         rows_of_level: dict[float | None, list[SuiteRun]] = defaultdict(list)
         for row in rows:
             rows_of_level[row[2]].append(row)
@@ -453,6 +444,7 @@ class SuiteRules:
                 run_outcome,
                 self.measure,
                 self.pairs.demand_if_pairs,
+                building,
             )
 
 
@@ -546,7 +538,6 @@ class FloorSuite(SuiteLevel):
         Number of isolators below the first story.
     """
 
-    building: str
     floor: int | str
     damping: float
     periods: Array
@@ -663,20 +654,19 @@ def floor_suites(store: Store, floors: SpectraOfRuns) -> Iterator[FloorSuite]:
     names, rules = store.buildings(), SuiteRules.of(store)
     for number, spectra_of_run in floors.items():
         # Collapsed and failed runs have no response history and are excluded.
-        for level in rules.levels_of(store, number):
+        for level in rules.levels_of(store, number, names[number][0]):
             is_completed = level.outcome == COMPLETED
             if not is_completed.any():
                 continue
             # All runs have the spectra of the same floors and damping ratios in the same order:
             # use these from the first run, and the pseudo-accelerations from all runs.
             for index, floor_spectrum in enumerate(next(iter(spectra_of_run.values()))):
-                spectrum, name = floor_spectrum.spectrum, names[number][0]
+                spectrum = floor_spectrum.spectrum
                 psa = level.demands(
                     {run: spectra[index].spectrum.psa for run, spectra in spectra_of_run.items()}
                 )[is_completed]
                 yield FloorSuite(
                     **vars(level),
-                    building=name,
                     floor=floor_spectrum.floor,
                     damping=spectrum.damping,
                     periods=spectrum.periods,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ from tdint.output.report import (
     model_chapter,
     motion_chapter,
 )
-from tdint.output.spectrum_text import spectrum_text
+from tdint.output.spectrum_text import target_text
 from tdint.output.tables.loads import LOAD_COLUMNS
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.response.runs.batch import Subject
@@ -391,7 +391,7 @@ def _drifts_of_buildings(rows: Sequence[Sequence[Any]]) -> tuple[Part, ...]:
     building, from the rows of the query of `_runs_chapter`; empty unless this table fits a page,
     all buildings have the same runs, and each completed run has a drift ratio."""
     names = list(dict.fromkeys(row[0] for row in rows))
-    cells: dict[tuple[Any, ...], dict[str, Cell]] = defaultdict(dict)
+    cells: dict[tuple[Cell, ...], dict[str, Cell]] = defaultdict(dict)
     for building, record, component, factor, ratio, *_, status in rows:
         percent = None if ratio is None else 100.0 * ratio
         cells[record, component, factor][building] = "collapse" if status in FALLEN else percent
@@ -401,11 +401,19 @@ def _drifts_of_buildings(rows: Sequence[Sequence[Any]]) -> tuple[Part, ...]:
     if not 1 < len(names) <= _MOST_BUILDING_COLUMNS or len(cells) > MAX_MOTIONS or not is_complete:
         return ()
     units = {"record": TEXT, "component": TEXT, "factor": "1", **dict.fromkeys(sorted(names), "%")}
-    table = [(*key, *(drifts[name] for name in sorted(names))) for key, drifts in cells.items()]
+    table = sorted(_rows_of_cells(cells, sorted(names)), key=lambda row: row[:3])
     return (
         "Largest drift ratio of a story; runs.csv lists the story:",
-        Table.of_units(units, sorted(table, key=lambda row: row[:3])),
+        Table.of_units(units, table),
     )
+
+
+def _rows_of_cells(
+    cells: Mapping[tuple[Cell, ...], Mapping[str, Cell]], names: Iterable[str]
+) -> list[tuple[Cell, ...]]:
+    """Return the rows of a table from the cells of each row by the name of their column: the key of
+    the row, then the cells in the order of `names`."""
+    return [(*key, *map(by_name.get, names)) for key, by_name in cells.items()]
 
 
 _MOST_BUILDING_COLUMNS = 6
@@ -438,10 +446,7 @@ def _ratio_parts(ratios: Table | None) -> tuple[Part, ...]:
     counts = {str(row[0]): row[motions] for row in rows}
     listed = ", ".join(f"{name} {count}" for name, count in counts.items())
     units = dict.fromkeys(ratios.columns[2:first], "1") | {"quantity": TEXT}
-    table = Table.of_units(
-        units | dict.fromkeys(names, "1"),
-        [(*key, *(of_building.get(name) for name in names)) for key, of_building in cells.items()],
-    )
+    table = Table.of_units(units | dict.fromkeys(names, "1"), _rows_of_cells(cells, names))
     text = (
         f"Means divided by those of {rows[0][1]}, over the motions that both complete ({listed}); "
     )
@@ -507,11 +512,7 @@ def _with_state_columns(table: Table) -> Table:
         probabilities.setdefault(tuple(key), {})[str(state)] = probability
     meanings = {name: table.meanings[name] for name in keys}
     meanings |= dict.fromkeys(states, table.meanings["probability"])
-    rows = [
-        (*key, *(by_state.get(state) for state in states))
-        for key, by_state in probabilities.items()
-    ]
-    return Table((*keys, *states), rows, meanings)
+    return Table((*keys, *states), _rows_of_cells(probabilities, states), meanings)
 
 
 def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
@@ -575,11 +576,8 @@ def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
     facts = [f"Scale factors: {factors}, computed by tdint scale"]
     if rule := settings.get("rule"):
         facts.append(f"rule {rule} ({_RULES[rule]})" if rule in _RULES else f"rule {rule}")
-    if settings.get("target"):
-        facts.append(f"target {spectrum_text(settings['target'])}")
-    elif settings.get("measure"):
-        value = f"{settings['value']:.4g} {settings['unit']}".strip()
-        facts.append(f"target {settings['measure']} = {value}")
+    if target := target_text(settings):
+        facts.append(f"target {target}")
     if settings.get("periods_s"):
         facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
     if settings.get("damping") is not None:

@@ -191,6 +191,12 @@ class Store:
         (count,) = self.connection.execute(query).fetchone()
         return int(count)
 
+    @property
+    def has_stories(self) -> bool:
+        """True if peaks of stories are stored."""
+        query = "SELECT 1 FROM story_rows LIMIT 1"
+        return self.connection.execute(query).fetchone() is not None
+
     def smallest_suite(self) -> int:
         """Return the smallest number of ground motions of a building at a level; 0 without runs."""
         (count,) = self.connection.execute(
@@ -417,11 +423,13 @@ class Store:
 
     def group_by(self, column: str) -> None:
         """Record the column of the inventory by which losses are grouped, for later exports."""
-        if column != self.grouped_by():
-            self._write_meta("by", column)
+        self._write_meta("by", column)
 
     def _write_meta(self, key: str, value: str) -> None:
-        """Write a value of the table `meta` in a transaction of its own."""
+        """Write a value of the table `meta` in a transaction of its own, unless the store already
+        has this value."""
+        if value == self._meta_or_none(key):
+            return
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", (key, value))
             self.seal()
@@ -479,11 +487,9 @@ class Store:
         return PairRule(self.pair_demand(), recording_numbers(self.records()))
 
     def choose_pair_demand(self, rule: str) -> None:
-        """Write the rule that combines the demands of the components of pairs to the store, unless
-        the store already has this rule. `rule` is an item of
-        `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
-        if rule != self.pair_demand():
-            self._write_meta("pair_demand", rule)
+        """Write the rule that combines the demands of the components of pairs to the store. `rule`
+        is an item of `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
+        self._write_meta("pair_demand", rule)
 
     def rates(self) -> dict[str, float]:
         """Return the annual rate of each event; empty if not specified."""

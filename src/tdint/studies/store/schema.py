@@ -11,6 +11,7 @@ import hashlib
 import logging
 import math
 import os
+import re
 import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
@@ -323,34 +324,11 @@ def sqlite_errors_reported(name: str) -> Iterator[None]:
 LOCK = ".campaign.lock"
 """Lock file of the process that writes."""
 
-# Types of file systems as reported by Linux, macOS and Windows
-_NETWORK_FILE_SYSTEMS = {
-    *(
-        "nfs",
-        "nfs4",
-        "cifs",
-        "smb3",
-        "smbfs",
-        "ncpfs",
-        "afs",
-        "9p",
-        "ceph",
-        "lustre",
-        "gpfs",
-        "beegfs",
-        "glusterfs",
-    ),
-    *(
-        "pvfs2",
-        "orangefs",
-        "fuse.sshfs",
-        "fuse.glusterfs",
-        "fuse.ceph",
-        "fuse.s3fs",
-        "fuse.juicefs",
-    ),
-    *("webdav", "afpfs", "network drive"),
-}
+_NETWORK_FILE_SYSTEMS = (
+    "nfs4?|cifs|smb3|smbfs|ncpfs|afs|9p|ceph|lustre|gpfs|beegfs|glusterfs|pvfs2|orangefs|"
+    r"fuse\.(?:sshfs|glusterfs|ceph|s3fs|juicefs)|webdav|afpfs|network drive"
+)
+"""Pattern of the types of network file systems as reported by Linux, macOS and Windows."""
 
 
 def refuse_network(folder: Path) -> None:
@@ -365,7 +343,7 @@ def refuse_network(folder: Path) -> None:
     if "\0" in str(folder):
         raise OutputError(f"{folder!s:.40}: a file name must not contain a null character")
     file_system_type = file_system(folder)
-    if file_system_type in _NETWORK_FILE_SYSTEMS:
+    if re.fullmatch(_NETWORK_FILE_SYSTEMS, file_system_type):
         raise OutputError(
             f"{folder}: the directory is on a network file system ({file_system_type}), on "
             "which the store is not safe; write to a local disk (such as /tmp), each shard to a "
