@@ -15,7 +15,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Self
 
 import numpy as np
@@ -309,6 +309,7 @@ def profiles(store: Store) -> Iterator[Profile]:
     story_counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
     rules, has_errors = SuiteRules.of(store), store.checked
     file_of_record = {number: name for number, (name, _, _) in records.items()}
+    name_of_motion = lru_cache(maxsize=None)(pair_name)  # the same in all buildings
     for number, (name, _) in store.buildings().items():
         limits = store.limits(number)
         values_by_run = _story_values(store, number, has_errors)
@@ -317,7 +318,7 @@ def profiles(store: Store) -> Iterator[Profile]:
             # The name of a pair contains both components, its first and its last run.
             files = np.array([file_of_record[run.motion] for run in level.runs], object)
             motions = tuple(
-                pair_name(*files[[first, last]])
+                name_of_motion(*files[[first, last]])
                 for first, last in zip(
                     first_runs(level.motion), last_runs(level.motion), strict=True
                 )
