@@ -181,7 +181,7 @@ def test_only_the_time_of_a_short_pulse_is_drawn():
     response = run(model, record, dt=0.01, duration=10.0, history=True)
     ground, force, roof = (panel.get_xlim() for panel in run_picture(response).axes[:3])
     assert 2.9 < ground[0] < 3.0 < 3.05 < ground[1] < 3.1
-    assert force == pytest.approx((4.9875, 5.0625)) and roof == (0.0, 10.0)
+    assert force == pytest.approx((4.9875, 5.0625)) and roof[0] < 4.9 and roof[1] == 10.0
     assert load_picture(response.model, 10.0).axes[0].get_xlim() == force
     assert load_picture(response.model, 5.04).axes[0].get_xlim() == (0.0, 5.04)
 

@@ -540,7 +540,7 @@ def low_picture(
     periods : sequence of (str, float)
         Names and first periods of buildings, s, which are marked; none by default.
     """
-    figure = Figure(figsize=(8.0, 2.8), layout="constrained")
+    figure = Figure(figsize=(8.0, 2.5), layout="constrained")
     axes = figure.subplots()
     units = units.in_figures
     if is_suite(spectra):
