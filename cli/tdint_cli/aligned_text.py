@@ -33,7 +33,7 @@ _MAX_TRANSPOSED_ROWS = 3
 def with_percent_errors(table: Table) -> Table:
     """Return the table with each error column directly after its value column, to save width.
 
-    The errors are in percent of the value, with two significant digits. The percentage is None if
+    The errors are in percent of the value, with two significant digits. The percentage is `None` if
     the value is zero, or if the value or the error is not a number.
     """
     from tdint.output.tables.table import Table, error_percent

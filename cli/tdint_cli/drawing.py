@@ -21,7 +21,7 @@ def reading_width() -> int | None:
 
 
 def table_bytes(table: Table, width: int | None) -> bytes:
-    """Return a table as text for a screen of `width` characters, or as CSV if `width` is None.
+    """Return a table as text for a screen of `width` characters, or as CSV if `width` is `None`.
 
     In the text, estimated errors are in percent of their values. Both are encoded as UTF-8.
     """

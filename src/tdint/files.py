@@ -207,7 +207,7 @@ _WILDCARDS = r"[*?[]"
 
 
 def pattern_of(argument: str) -> str:
-    """Return a pattern of file names in which the wildcards in the name of an existing directory,
+    """Return a pattern of file names where the wildcards in the name of an existing directory,
     such as `dir [2024]/*.AT2`, have no special meaning."""
     folder = argument
     while folder and not is_folder(folder):

@@ -180,7 +180,7 @@ class WithTable(Described):
         Returns
         -------
         pandas.DataFrame
-            The table, with one column for each entry of `to_dict`.
+            The table, with a column for each entry of `to_dict`.
 
         Raises
         ------

@@ -161,7 +161,7 @@ def command(request: Request) -> None:
     ground motion, and - is standard input. Files after the first are models if their names end with
     .yaml or .yml, otherwise records, as with --record.
 
-    The CSV has one row for each method and time step, with the number of steps and solves, times,
+    The CSV has a row for each method and time step, with the number of steps and solves, times,
     relative errors and the outcome. Times are processor times of the compiled time loop, as in
     `tdint run` without --history: with peaks and energies, without compilation. Wall time is used
     if the clock of the system for processor time is coarse. The median and the minimum of the
@@ -286,7 +286,7 @@ def _check(request: Request) -> BuildingRequest:
             f"{', '.join(QUANTITIES)}"
         )
     if request.steps and request.halvings is not None:
-        raise UsageError("--halvings cannot be used with --dt; omit one of them")
+        raise UsageError("--halvings cannot be used with --dt; omit one")
     if request.stories and peers():
         raise UsageError(
             "the plug-in defines other programs for comparison (PEERS), which cannot be used with "

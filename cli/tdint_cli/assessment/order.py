@@ -85,7 +85,7 @@ def command(
     The acceleration follows from equilibrium, as in `tdint run`. The algorithmic acceleration is
     the state variable of the method; it is empty if the method has none, and with --stride. There
     is one row per method and frequency ratio, or one row per method if --load is not harmonic. A
-    summary with one line per method, the range of its orders, is written to standard error.
+    summary with a line per method, the range of its orders, is written to standard error.
     """
     from tdint.assessment.order.order import observed_order, order_problem
 

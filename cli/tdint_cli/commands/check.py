@@ -54,7 +54,7 @@ def command(
     Each MODEL.yaml and its record are read and the first mode is computed, without time
     integration. All errors are reported with line and column, including errors under misspelled
     keys, unknown methods and missing records. Warnings report unusual values, from periods to peaks
-    of the ground motion; the most common cause is a wrong unit. A table with one row per valid
+    of the ground motion; the most common cause is a wrong unit. A table with a row per valid
     model is written to standard output: stories, height, mass, fundamental period and damping,
     hysteretic laws, method, record. A campaign file is checked together with its models. The exit
     code is 3 if a file is invalid, 4 if a record cannot be read.

@@ -93,7 +93,7 @@ class _DriftSpectra(TableType):
 
     def check(self, request: DriftRequest) -> None:
         if request.stories is not None and request.story_height is not None:
-            raise UsageError("--stories cannot be used with --story-height; omit one of them")
+            raise UsageError("--stories cannot be used with --story-height; omit one")
         if request.beam and (request.stories is not None or request.story_height is not None):
             raise UsageError("--beam has no stories; omit --stories and --story-height")
         from tdint.response.spectra.drift import number_of_stories, parse_height_period

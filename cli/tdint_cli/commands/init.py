@@ -253,7 +253,7 @@ def _laws(request: Request) -> list[FittedLaw]:
 
     assert request.from_pushover is not None and request.weights is not None
     curves = read_story_curves(request.from_pushover)
-    # Each floor has one story below it, so each weight requires one curve.
+    # Each floor has a story below it, so each weight requires one curve.
     if len(curves) != len(request.weights):
         stories, floors = pluralize(len(curves), "story"), pluralize(len(request.weights), "floor")
         raise UsageError(

@@ -38,7 +38,7 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     from tdint_cli.terminal import emit
 
     if references and bibtex:
-        raise UsageError("--references and --bibtex cannot be used together; omit one of them")
+        raise UsageError("--references and --bibtex cannot be used together; omit one")
     listed = chosen(names or None)
     methods = list(dict.fromkeys(integrator.method for integrator in listed))
     if bibtex:

@@ -95,7 +95,7 @@ def command(request: Request) -> None:
     stories for each event and for the complete sequence.
 
     With several records, a directory of records, several scales (--scale 0.5,1,2) or --factors the
-    table has one row per run instead; all horizontal components are used unless --component selects
+    table has a row per run instead; all horizontal components are used unless --component selects
     one. With -o the runs are a small campaign: runs.csv, profiles.csv (mean, fractiles and maximum
     over the ground motions for each story) and campaign.sqlite, which `tdint campaign status`,
     `export` and `merge` read. An interrupted call can be resumed with the same command line.
@@ -130,7 +130,7 @@ def command(request: Request) -> None:
     if request.check is False and request.tolerance is not None:
         raise UsageError(
             "--tolerance and --no-check cannot be used together, because --tolerance requires "
-            "error estimates; omit one of them"
+            "error estimates; omit one"
         )
     if request.sequence:
         refuse_idle(SEQUENCE, MODES)
@@ -138,7 +138,7 @@ def command(request: Request) -> None:
         _run(request)
         return
     if request.factors is not None and request.scale:
-        raise UsageError("--factors and --scale cannot be used together; omit one of them")
+        raise UsageError("--factors and --scale cannot be used together; omit one")
     is_set_of_runs = (
         request.factors is not None
         or len(records) > 1
@@ -352,7 +352,7 @@ def _failure_content(
 
 def _verdicts(response: Response, limit: float | str | None, units: OutputUnits) -> list[Verdict]:
     """Compare the demands of a run with the drift limit or performance level of the command line
-    (`limit`), or with all limits of the model if it is None."""
+    (`limit`), or with all limits of the model if it is `None`."""
     if limit is None and not response.model.limits:
         return []
     from tdint.output.spectrum_text import spectrum_text

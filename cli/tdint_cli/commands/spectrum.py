@@ -132,7 +132,7 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
-    """Return the paths of a table, its figure and its JSON file. `table` is None without -o."""
+    """Return the paths of a table, its figure and its JSON file. `table` is `None` without -o."""
     picture = picture_file(request.plot, table)
     return Outputs(table, picture, beside(table, ".json") if table else None, request.overwrite)
 

@@ -41,7 +41,7 @@ _ACTIONS = {"status": _STATUS, "export": _EXPORT, "merge": _MERGE}
 def command(request: CampaignRequest) -> None:
     """Run many buildings under many records at many intensity levels.
 
-    `tdint campaign CAMPAIGN.yaml -o DIR` executes all runs of the file, and writes one row per run
+    `tdint campaign CAMPAIGN.yaml -o DIR` executes all runs of the file, and writes a row per run
     to DIR/runs.csv, and mean, fractiles and maximum over the ground motions to DIR/profiles.csv.
     After an interruption, the same call continues the campaign. `status DIR` reports the progress,
     `export DIR` writes the tables again, `merge DIR... -o DIR` combines parts that were run with

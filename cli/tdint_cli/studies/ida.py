@@ -317,7 +317,7 @@ def _read_mainshock(request: IdaRequest) -> Mainshock | None:
 
 
 def _folder(request: IdaRequest) -> Path | None:
-    """Check the files in the directory of the study. The result is None if the results are not
+    """Check the files in the directory of the study. The result is `None` if the results are not
     written to a directory.
 
     OutputError is raised if a file exists that no earlier call of the study has written and

@@ -85,7 +85,7 @@ class Request:
 def command(request: Request) -> None:
     """Generate shear buildings from a table of buildings (an inventory).
 
-    BUILDINGS.csv (- is standard input) has one row per building; the output, a CSV table, has one
+    BUILDINGS.csv (- is standard input) has a row per building; the output, a CSV table, has one
     row per story. Required columns are id, NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5
     C1-C3 PC1 PC2 RM1 RM2 URM MH) and PlanArea (of one floor). Optional columns are height (of the
     building), seismicZone (Z4 by default), DampingRatio and DesignLevel. Other columns are ignored.

@@ -69,8 +69,8 @@ def read_table_of_factors(
     records: Sequence[str], file: str | None, choice: RecordChoice, pairs: PairWish | None
 ) -> tuple[Suite, FactorTable | None]:
     """Read the ground motions of a command line, or of a table of factors (--factors, from `tdint
-    scale -o`) if no record is named. The second result is None with records. Notes and warnings are
-    written to the terminal.
+    scale -o`) if no record is named. The second result is `None` with records. Notes and warnings
+    are written to the terminal.
 
     Errors of single unreadable files are not written here. They are in `failures` of the suite, and
     the caller reports them.

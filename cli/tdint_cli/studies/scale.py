@@ -205,7 +205,7 @@ class ScaleRequest(RecordsRequest):
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
                 f"--building and --{'range' if self.at is None else 'at'} cannot be used together; "
-                "omit one of them"
+                "omit one"
             )
         if needs_period and self.at is None and not self.building:
             raise UsageError(

@@ -96,7 +96,7 @@ MODES = (_MODEL, _CAMPAIGN)
 def command(request: Request) -> None:
     """Compute the sensitivity of peak responses to building parameters.
 
-    MODEL.yaml is run under the RECORDs with its own parameters, and with one parameter of --vary at
+    MODEL.yaml is run under the RECORDs with its own parameters, and with a parameter of --vary at
     a time at its low and its high value. CSV: for each peak response the parameters, sorted by
     effect; medians over the records; and the effect, which is the difference between the high and
     the low value, divided by the peak of the unchanged building. --plot draws a tornado diagram for

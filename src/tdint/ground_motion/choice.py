@@ -30,7 +30,7 @@ MAX_FILTER_ORDER = 10  # maximum order of the filters; steeper than required in 
 
 
 class _OptionalFields:
-    """Base of data classes with optional fields; a field is not set if it is None, empty or
+    """Base of data classes with optional fields; a field is not set if it is `None`, empty or
     False."""
 
     def set_fields(self) -> dict[str, Any]:
@@ -177,7 +177,7 @@ AS_STATED = TextLayout()
 
 @dataclass(frozen=True)
 class Processing(_OptionalFields):
-    """Processing steps for records; a step is omitted if its value is None.
+    """Processing steps for records; a step is omitted if its value is `None`.
 
     Attributes
     ----------

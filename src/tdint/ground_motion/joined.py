@@ -120,7 +120,7 @@ class JoinedRecord(Record):
     """Ground motions of a main shock and its aftershocks, which an analysis applies in order.
 
     The attributes of `Record` describe the events joined with the specified rest, or without rest
-    if `rest` is None. They are used only for intensity measures of the sequence. An analysis
+    if `rest` is `None`. They are used only for intensity measures of the sequence. An analysis
     applies `events`, because the rest between them may depend on the building.
 
     Attributes

@@ -533,7 +533,7 @@ def a95(record: Record) -> float:
         sampling intervals, up to a constant factor. Accelerations and level are fractions of the
         peak."""
         low, high = np.clip(a, -level, level), np.clip(b, -level, level)
-        # This is the fraction of an interval in which the acceleration is below the level. It is 0
+        # This is the fraction of an interval where the acceleration is below the level. It is 0
         # or 1 if the acceleration is constant.
         change = np.where(a == b, 1.0, b - a)
         time_fraction = np.where(a == b, np.abs(a) <= level, (high - low) / change)

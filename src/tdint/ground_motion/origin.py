@@ -25,7 +25,7 @@ MATCHED = "matched"
 """Name of the files with table and JSON of matched motions, without suffix."""
 
 WRITTEN = "written_motions"
-"""Key of the JSON file with one entry for each component: file, SHA-256, id and origin."""
+"""Key of the JSON file with an entry for each component: file, SHA-256, id and origin."""
 
 _CHECKSUM = "samples_sha256"
 """Key of the checksum of the samples in a header line."""

@@ -971,7 +971,7 @@ def oscillators(omega: Array, damping: Array) -> Building:
 
 
 def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
-    """Return a table with one row for each harmonic force.
+    """Return a table with a row for each harmonic force.
 
     The first columns are the floor (counted from 0), the amplitudes of cosine and sine (N), and the
     circular frequency (rad/s).

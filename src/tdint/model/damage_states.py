@@ -127,7 +127,7 @@ class DamageStates:
 
     @classmethod
     def from_json(cls, stored: Mapping[str, Any]) -> Self:
-        """Create the states from a mapping with their attributes, in which tuples are lists, as
+        """Create the states from a mapping with their attributes, where tuples are lists, as
         JSON stores them."""
         lists = {name: tuple(stored[name]) for name in ("states", "medians", "losses")}
         return cls(demand=stored["demand"], dispersion=stored["dispersion"], **lists)

@@ -178,7 +178,7 @@ _UNACCEPTABLE_FACTOR = 1.2
 def design_demands(demands: Array, *, unacceptable: int = 0) -> Array:
     """Return the demand of a suite that is compared with a limit: the mean over the motions.
 
-    With unacceptable responses, it is the larger of 1.2 times the median over all motions, in which
+    With unacceptable responses, it is the larger of 1.2 times the median over all motions, where
     an unacceptable response is larger than every value, and the mean over the other motions (ASCE
     7-16, 16.4.1.1, which accepts one unacceptable response).
 
@@ -393,7 +393,7 @@ def check_level(limits: Iterable[Limit], level: str, name: str) -> None:
 
 def uniform_drift_limit(limits: Iterable[Limit]) -> float | None:
     """Return the limit of the drift ratio, if it is the same in all stories with such a limit, for
-    figures. Without a common limit, the result is None."""
+    figures. Without a common limit, the result is `None`."""
     values = {
         value
         for limit in limits

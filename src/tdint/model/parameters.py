@@ -72,7 +72,7 @@ class Change(NamedTuple):
     scale: float = 1.0
 
     def number(self, stories: Sequence[Story]) -> float:
-        """Return the number in the stories of a building; nan for an attribute that is None."""
+        """Return the number in the stories of a building; nan for an attribute that is `None`."""
         item: Any = stories[self.story]
         for part in self.path:
             if item is None:

@@ -326,7 +326,7 @@ def _unusual_initial(model: Model) -> list[str]:
 
 
 def _unusual_flexure(model: Model) -> list[str]:
-    """Return a warning about flexural stories in which bending or shear has no effect."""
+    """Return a warning about flexural stories where bending or shear has no effect."""
     height = sum(story.height or 0.0 for story in model.stories)
     parts = np.full(len(model.stories), math.nan)
     for i, story in enumerate(model.stories):

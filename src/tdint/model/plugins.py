@@ -197,7 +197,7 @@ def home_of(registered: Any, attribute: str) -> tuple[str, str] | None:
     Returns
     -------
     tuple of (str, str) or None
-        None if the object is not defined by a plug-in file, or if `registered` is None.
+        None if the object is not defined by a plug-in file, or if `registered` is `None`.
     """
     if registered is None:
         return None

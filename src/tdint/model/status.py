@@ -6,5 +6,5 @@ DONE = "done"
 """Status of a run without collapse of the building."""
 
 FALLEN = ("collapsed", "failed-story")
-"""Statuses of runs in which the building collapses; they are reported in addition to the damage
+"""Statuses of runs where the building collapses; they are reported in addition to the damage
 states."""

@@ -33,7 +33,7 @@ class Presentation:
     columns : callable | None
         Result -> columns of its table, instead of `table`. Without both, `rows` makes the table.
     rows : callable | None
-        (results, units) -> table with one row for each result. Only numbers whose unit is in the
+        (results, units) -> table with a row for each result. Only numbers whose unit is in the
         column `unit` of their row are in these units; the caller converts the other columns.
     picture : callable | None
         (results, units) -> figure.

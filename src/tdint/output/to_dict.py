@@ -53,7 +53,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     UsageError
         The result has no table, or a unit is unknown.
     """
-    # The table of several results has one row for each result if their class has the function
+    # The table of several results has a row for each result if their class has the function
     # `rows`. Otherwise each result has a table, and these tables are joined.
     is_sequence = isinstance(result, list | tuple | ResultList)
     members = list(result) if is_sequence else [result]

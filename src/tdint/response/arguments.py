@@ -123,7 +123,7 @@ def model_record(model: Model) -> Record | None:
 
 
 def pair_of(model: Model, motion: Any) -> PairRecord | None:
-    """Return the ground motion of a model along its axes: that of its file if `motion` is None.
+    """Return the ground motion of a model along its axes: that of its file if `motion` is `None`.
 
     Raises
     ------

@@ -63,7 +63,7 @@ CHART = (
 
 
 def chart_table(chart: Chart) -> Table:
-    """Return the table of a work-precision diagram, with one row per method and time step; missing
+    """Return the table of a work-precision diagram, with a row per method and time step; missing
     values are empty cells."""
     return Table.of_results(CHART, chart.points)
 
@@ -126,6 +126,6 @@ PROFILE = (
 
 
 def profile_table(chart: FieldChart) -> Table:
-    """Return the table of performance profiles (costs of methods over many problems), with one row
+    """Return the table of performance profiles (costs of methods over many problems), with a row
     per quantity, tolerance and method."""
     return Table.of_results(PROFILE, chart.profiles)

@@ -67,7 +67,7 @@ def rank(rank_of: Callable[[Any], int | None]) -> Column:
 
 
 def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
-    """Return the table of the errors in the examples of the paper, with one row per example, time
+    """Return the table of the errors in the examples of the paper, with a row per example, time
     step, method and variant.
 
     Methods are ranked by the displacement error relative to `reference`, a key of

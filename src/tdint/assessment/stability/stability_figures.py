@@ -197,7 +197,7 @@ def _curve_styles(curves: Sequence[StabilityCurve | Overshoot]) -> list[dict[str
 
 
 def thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
-    """Return line styles in which the last `count` lines are thin and have no markers."""
+    """Return line styles where the last `count` lines are thin and have no markers."""
     first_thin = len(styles) - count
     return [
         *styles[:first_thin],

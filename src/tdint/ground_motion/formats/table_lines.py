@@ -321,7 +321,7 @@ def _without_text_columns(texts: list[str]) -> tuple[list[str], frozenset[int]]:
 
 
 def _is_plain_row(text: str) -> bool:
-    """Return True if a line is a row of numbers in which no cell is empty."""
+    """Return True if a line is a row of numbers where no cell is empty."""
     row = text.rstrip(_BLANKS)
     return (_is_row(row) and not _EMPTY_CELL.search(row)) or bool(_row_of_list(row)[0])
 

@@ -200,7 +200,7 @@ def _require_definite(
     zeros_allowed: bool = False,
     is_semidefinite: bool = False,
 ) -> None:
-    """Report the first row in which a matrix is not positive definite, with a reason. With
+    """Report the first row where a matrix is not positive definite, with a reason. With
     `zeros_allowed`, rows of zeros are allowed, but not in all rows; with `is_semidefinite`, any
     positive semidefinite matrix up to the rounding of printed numbers."""
     diagonal = np.diagonal(matrix)

@@ -703,7 +703,7 @@ def _read_stories(
 ) -> tuple[tuple[Story, ...], int | None, Damping]:
     """Return stories, number of stories and damping, from `stories` or derived from `building`.
 
-    The number of stories is None after an error.
+    The number of stories is `None` after an error.
     """
     building, damping = section.get("building"), section.get("damping")
     if building is None:
@@ -763,7 +763,7 @@ def model_schema() -> Schema:
     """Return the JSON schema (draft 7) of model files.
 
     The reader refuses everything that the schema refuses. In addition, it checks combinations of
-    keys, for example that a list has one entry per story.
+    keys, for example that a list has an entry per story.
     """
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",

@@ -293,7 +293,7 @@ def _rayleigh(
     tangent: bool | None,
 ) -> Damping:
     """Return the Rayleigh damping of the key `rayleigh`. Ratio and modes (from 1) are an error for
-    one story; `count` is None if unknown.
+    one story; `count` is `None` if unknown.
 
     `mass` and `stiffness` are the coefficients of the mass and stiffness matrix, 1/s and s; None if
     ratio and modes are given.

@@ -50,7 +50,7 @@ from tdint.number_parsing import pluralize
 from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None
-"""Values of a group of parameters: a section with one entry per parameter, one number in SI units
+"""Values of a group of parameters: a section with an entry per parameter, one number in SI units
 for all parameters; None if the file omits the group."""
 
 EarlierParameters = Mapping[str, tuple[float, ...]]
@@ -172,8 +172,8 @@ ELEMENTS = EntriesOf(
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     """Return a law, and its initial stiffness (N/m) if the parameters of the law determine it.
 
-    The stiffness is None if the parameters do not determine it, so that the key `stiffness` of the
-    story is required. It is nan after an error.
+    The stiffness is `None` if the parameters do not determine it, so that the key `stiffness` of
+    the story is required. It is nan after an error.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
 def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, Section | None]:
     """Return the law and the section with its parameters.
 
-    The law is None after an error. The section is None if the value is only the
+    The law is `None` after an error. The section is `None` if the value is only the
     name of the law. The section can contain `further_keys`.
     """
     # The name without parameters is valid only if the law has no parameters.
@@ -501,7 +501,7 @@ _STIFFNESS_TOLERANCE = 1e-9
 def read_stories(
     value: Value | None, unit: ModelUnits, p_delta: bool, has_matrix: bool = False
 ) -> tuple[tuple[Story, ...], int | None]:
-    """Return the stories from the ground up and their number, which is None after an error.
+    """Return the stories from the ground up and their number, which is `None` after an error.
 
     Parameters
     ----------

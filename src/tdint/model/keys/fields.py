@@ -528,7 +528,7 @@ class Value(NamedTuple):
             message = f"must be {declared.description}, got {len(items)}"
             self.fault(declared.short if declared.short and is_short else message)
             return None
-        # An entry with an error, which has been reported, is None.
+        # An entry with an error, which has been reported, is `None`.
         if None in values:
             return None
         if declared.distinct and len({*values}) < len(values):
@@ -543,7 +543,7 @@ class Value(NamedTuple):
         """Return the entries of a mapping and their converted values by name; None if the entry is
         not a mapping, or is empty although names are required.
 
-        An invalid entry is reported, and its converted value is None.
+        An invalid entry is reported, and its converted value is `None`.
         """
         entries = self.named(declared.description, declared.empty_message)
         if entries is None:

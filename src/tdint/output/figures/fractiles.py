@@ -17,7 +17,7 @@ BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
 def draw_median(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 3.0) -> Any:
     """Plot the median over all ground motions, and return the line for the legend.
 
-    `rows` has one row of values at `x` for each ground motion; nan is ignored.
+    `rows` has a row of values at `x` for each ground motion; nan is ignored.
     """
     return axes.plot(x, fractiles(rows, (0.5,))[0], color=color, linewidth=2.0, zorder=zorder)[0]
 
@@ -25,7 +25,7 @@ def draw_median(axes: Any, x: Array, rows: Array, color: str, *, zorder: float =
 def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 2.5) -> Any:
     """Plot the fractiles `FRACTILES` over all ground motions as dashed lines.
 
-    `rows` has one row of values at `x` for each ground motion; nan is ignored. The returned line of
+    `rows` has a row of values at `x` for each ground motion; nan is ignored. The returned line of
     the upper fractile represents both lines in the legend.
     """
     low, _, high = fractiles(rows)

@@ -35,7 +35,7 @@ def load_picture(model: Model, end: float, units: OutputUnits = SI) -> Figure:
 
 def active_interval(loads: Sequence[tuple[Array, Array]], end: float) -> tuple[float, float]:
     """Return the limits of the time axis of loads: from 0 to the end of the run, or only the time
-    in which short loads act. A load consists of its times, s, and its values."""
+    where short loads act. A load consists of its times, s, and its values."""
     active: list[float] = []
     for times, values in loads:
         indices = np.flatnonzero(np.abs(values) > _NEGLIGIBLE * np.max(np.abs(values)))
@@ -49,7 +49,7 @@ def active_interval(loads: Sequence[tuple[Array, Array]], end: float) -> tuple[f
 
 
 def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits) -> None:
-    """Plot the forces from tables up to the end of a run, s, or in the time in which short forces
+    """Plot the forces from tables up to the end of a run, s, or in the time where short forces
     act. Equal forces are a single line.
 
     Parameters

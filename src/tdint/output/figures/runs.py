@@ -128,7 +128,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
 
 def _show_strong_motion(roof: Any, energies: Any, record: Record, history: History) -> None:
     """Limit the common time axis to the strong motion, if this is much shorter than the run: from
-    the first to the last time at which the ground acceleration, or the distance of the roof from
+    the first to the last time where the ground acceleration, or the distance of the roof from
     its final position, is at least `_STRONG` times its peak.
     """
     ground = np.interp(history.time, record.time, record.acceleration, right=0.0)

@@ -401,7 +401,7 @@ def _label_scale(
     axes: Any, ends: Array, velocities: Array, text: str, limits: tuple[float, float]
 ) -> None:
     """Write the value of a line of a scale along the line, near the end at the top or at the side.
-    The position avoids existing labels, for units in which values 1 and 10 of two scales meet near
+    The position avoids existing labels, for units where values 1 and 10 of two scales meet near
     the top. A label without a free position is omitted.
     """
     x, y = np.log(ends), np.log(velocities)

@@ -110,7 +110,7 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     if test.yield_drift < float(np.max(test.path.drift)):
         yielding = units.of(test.yield_drift, "m")
         label = f"yield drift {yielding:.3g} {units.label('m')}"
-        # Only the line at the positive yield drift has a label, so that the legend has one entry.
+        # Only the line at the positive yield drift has a label, so that the legend has an entry.
         style = {"color": LIGHT, "linestyle": DASHES[2], "linewidth": 1.0}
         axes.axvline(yielding, label=label, **style)
         axes.axvline(-yielding, **style)
@@ -194,8 +194,8 @@ def run_and_pushover_picture(
     axes.plot(scale * roof, factor * shear, color=LIGHT, linewidth=0.8, label="run")
     # The sign of the pushover is that of the larger side of the run.
     sign = math.copysign(1.0, roof[np.argmax(np.abs(roof))])
-    curve = {"color": MARK, "label": f"pushover, {pushed.pattern} pattern"}
-    axes.plot(sign * scale * pushed.roof_displacement, sign * factor * pushed.base_shear, **curve)
+    x, y = sign * scale * pushed.roof_displacement, sign * factor * pushed.base_shear
+    axes.plot(x, y, color=MARK, label=f"pushover, {pushed.pattern} pattern")
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.set(xlabel=label, ylabel=f"base shear ({unit})")

@@ -132,7 +132,7 @@ _LABEL_POSITIONS = (
     (-8, 0, "right", "center"),
 )
 """Offset of a label from its point, points, with its horizontal and vertical alignment; in the
-order in which the positions are tried."""
+order where the positions are tried."""
 _ALIGNMENT = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 1.0}
 """Fraction of the width or height of a text to the left of or below its position."""
 Box = tuple[float, float, float, float]

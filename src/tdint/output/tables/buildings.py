@@ -145,7 +145,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
 
 
 def pushover_table(result: Pushover) -> Table:
-    """Return the table of a pushover, with one row per load step; row 0 is the undeformed state."""
+    """Return the table of a pushover, with a row per load step; row 0 is the undeformed state."""
     return Table.of_results(pushover(result.drift.shape[1]), [result])
 
 
@@ -484,7 +484,7 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
 
 
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
-    """Return the table of a model with one row per story, from the ground up.
+    """Return the table of a model with a row per story, from the ground up.
 
     Returns
     -------
@@ -589,7 +589,7 @@ def mode_table(
     names: Sequence[str] = (),
     complex_modes: ComplexModes | None = None,
 ) -> Table:
-    """Return the table of the modes of a building, with one row per mode, longest period first.
+    """Return the table of the modes of a building, with a row per mode, longest period first.
 
     Parameters
     ----------

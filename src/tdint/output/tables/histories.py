@@ -123,7 +123,7 @@ def write_history(
     units: OutputUnits = SI,
     across: Iterable[History] = (),
 ) -> None:
-    """Write a response history as CSV with one row per time step.
+    """Write a response history as CSV with a row per time step.
 
     Parameters
     ----------

@@ -34,5 +34,5 @@ def _impulse(force: TableForce) -> float:
 
 
 def load_table(excitation: Excitation) -> Table:
-    """Return the table of the forces from tables, with one row for each force."""
+    """Return the table of the forces from tables, with a row for each force."""
     return Table.of_results(LOAD_COLUMNS, excitation.tables)

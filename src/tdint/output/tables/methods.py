@@ -74,9 +74,9 @@ REFERENCE = (
 
 
 def reference_table(methods: Iterable[Method]) -> Table:
-    """Return the publications of methods, with one row for each publication of each method.
+    """Return the publications of methods, with a row for each publication of each method.
 
-    A method without publications (a method of a plug-in) has one row with its source. Texts have
+    A method without publications (a method of a plug-in) has a row with its source. Texts have
     semicolons instead of commas, because commas could be taken for separators of cells.
     """
     rows: list[tuple[Cell, ...]] = []

@@ -55,7 +55,7 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
 
 
 def response_table(response: Response) -> Table:
-    """Return the table of the peak responses of a run, with one row per story from the ground up.
+    """Return the table of the peak responses of a run, with a row per story from the ground up.
 
     For a sequence, these rows are listed for each event and then for the complete sequence; the
     first column identifies the event. For two directions, they are listed for each direction and

@@ -1,4 +1,4 @@
-"""Columns of tables with one row per run: runs.csv of campaigns, and results of `run_many`."""
+"""Columns of tables with a row per run: runs.csv of campaigns, and results of `run_many`."""
 
 from __future__ import annotations
 

@@ -178,7 +178,7 @@ ROTATED_END = (
 
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
-    """Return the columns of a rotated spectrum (RotDnn), with one column for each percentile.
+    """Return the columns of a rotated spectrum (RotDnn), with a column for each percentile.
 
     Parameters
     ----------
@@ -392,7 +392,7 @@ def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
 
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] = ()) -> Table:
-    """Return the table of rotated spectra, with one row per ground motion, damping ratio and
+    """Return the table of rotated spectra, with a row per ground motion, damping ratio and
     period.
 
     Parameters
@@ -460,7 +460,7 @@ def match_origin_table(records: Sequence[Record]) -> Table:
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
-    """Return the table of floor spectra, with one row per floor, damping ratio and period."""
+    """Return the table of floor spectra, with a row per floor, damping ratio and period."""
     heads = [(floor_spectrum.floor,) for floor_spectrum in spectra]
     return Table.of_results(
         (FLOOR, *SPECTRUM), [floor_spectrum.spectrum for floor_spectrum in spectra], heads

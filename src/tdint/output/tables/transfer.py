@@ -46,7 +46,7 @@ def transfer_columns(labels: Sequence[int | str], source: str | int) -> tuple[Co
 
 
 def transfer_table(result: TransferFunction) -> Table:
-    """Return the table of transfer functions, with one row per frequency."""
+    """Return the table of transfer functions, with a row per frequency."""
     columns = transfer_columns(result.labels, result.source)
     return Table.of_results(columns, [result])
 
@@ -63,7 +63,7 @@ RESONANCE_OF_FORCE = (
 
 
 def resonance_table(result: TransferFunction) -> Table:
-    """Return the table of the maximum amplitudes, with one row per floor from the ground and per
+    """Return the table of the maximum amplitudes, with a row per floor from the ground and per
     attachment."""
     columns = RESONANCE if result.source == "ground" else RESONANCE_OF_FORCE
     return Table.of_results(columns, result.maxima)

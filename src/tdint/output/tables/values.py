@@ -24,7 +24,7 @@ RUNS_COLUMNS: dict[str, Column] = {str(column.value): column for column in runs.
 
 
 def runs_columns(result: Runs) -> Values:
-    """Return the columns of the results of `run_many`, with one row per run; they have the names of
+    """Return the columns of the results of `run_many`, with a row per run; they have the names of
     the columns of runs.csv of a campaign."""
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
     # Arrays have space for the tallest building; the values above a lower building are nan.
@@ -53,7 +53,7 @@ def runs_columns(result: Runs) -> Values:
 
 
 def _demand_errors(result: Runs) -> Values:
-    """Return the columns of the estimated errors of the peak responses of `run_many`, with one row
+    """Return the columns of the estimated errors of the peak responses of `run_many`, with a row
     per run; an empty list if errors were not estimated."""
     if result.errors is None:
         return []

@@ -99,7 +99,7 @@ class Subject:
 
     def case(self, record: Record | None, scale: float = 1.0) -> Case:
         """Return the case of the building under a ground motion times `scale`, or with the ground
-        at rest if `record` is None. A load case replaces the tables of forces of the building.
+        at rest if `record` is `None`. A load case replaces the tables of forces of the building.
         """
         if isinstance(record, LoadCase):
             return self.loaded(record, scale).case(None)
@@ -257,7 +257,7 @@ class Outcomes:
         self._put(i, result.stories, result.energy.error, result.steps)
 
     def _put(self, i: int, stories: StoryPeaks | None, energy_error: float, steps: int) -> None:
-        """Write the results of run `i`; nan if `stories` is None."""
+        """Write the results of run `i`; nan if `stories` is `None`."""
         for quantity in STORY_QUANTITIES:
             getattr(self.stories, quantity.name)[i] = (
                 getattr(stories, quantity.name) if stories else np.nan

@@ -491,7 +491,7 @@ class Case(Described):
         A building collapses when a drift first exceeds the collapse drift or a story fails. The
         collapse is attributed to the building if the energy that the method produced up to this
         time is less than the input energy. Otherwise it is attributed to the method: a run that
-        reached its end has then diverged, and the result for a failed run is None.
+        reached its end has then diverged, and the result for a failed run is `None`.
 
         Parameters
         ----------

@@ -233,5 +233,5 @@ def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
 
 
 def only(demand: Any) -> Largest:
-    """Return the only item of a `LargestOfRuns` as `Largest`; its location is None if it is 0."""
+    """Return the only item of a `LargestOfRuns` as `Largest`; its location is `None` if it is 0."""
     return Largest(float(demand.value[0]), int(demand.location[0]) or None)

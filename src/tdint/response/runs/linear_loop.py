@@ -450,7 +450,7 @@ class LinearLoop:
     def _record_collapse(
         self, grid: _Grid, per_step: int, start: int, energies: Array, references: Array
     ) -> None:
-        """Record the first step in which a drift exceeds the collapse drift."""
+        """Record the first step where a drift exceeds the collapse drift."""
         totals, limits = self.space.totals, self.space.limits
         limit = limits[rows.LIMIT] * limits[rows.HEIGHT]
         is_new = totals[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE

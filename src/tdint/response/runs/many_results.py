@@ -230,7 +230,7 @@ class Runs(Tabular):
         Returns
         -------
         dict of str to list
-            Columns of a table with one row per quantity and story: `building`, `record`, `scale`,
+            Columns of a table with a row per quantity and story: `building`, `record`, `scale`,
             `quantity`, `story` (from 1), `unit`, `samples` (number of completed runs), `failed`
             (number of other runs), `mean`, `std` (n - 1 in the denominator, nan for a single
             sample) and `p16`, `p50`, ... All values are in SI units. Runs that are not completed
@@ -280,7 +280,7 @@ class Runs(Tabular):
         """Return the indices of the runs of each suite, over which `limit_checks` averages the
         demands, by the index of the building and the text of the level.
 
-        A suite contains one run under each record, of one building with equal parameters. If a
+        A suite contains a run under each record, of one building with equal parameters. If a
         record has several factors, each factor belongs to another suite.
         """
         varied = {name: values for name, values in self.varied.items() if name != SCALE}

@@ -143,7 +143,7 @@ def find_instability(
     """Return the stiffest oscillator that is unstable with a time step; None if all are stable.
 
     An oscillator is unstable if the spectral radius of its measured amplification matrix is above
-    1. A method that declares no stability limit is not measured; the result is None.
+    1. A method that declares no stability limit is not measured; the result is `None`.
     """
     if integrator.stability_limit == math.inf:
         return None

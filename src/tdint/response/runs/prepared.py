@@ -484,7 +484,7 @@ class PreparedBuilding:
         in contact (`Building.stiffest_modes`).
 
         Only methods that declare a finite stability limit are measured (`find_instability`); the
-        measurement is cached. For all other methods the result is None. Tests confirm the
+        measurement is cached. For all other methods the result is `None`. Tests confirm the
         unconditional stability of built-in methods, and `tdint check --plugin` that of plug-ins.
         """
         if integrator.stability_limit == math.inf:

@@ -199,7 +199,7 @@ def run(
     )
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     if initial and names:
-        raise UsageError("gradient cannot be used with initial; omit one of them")
+        raise UsageError("gradient cannot be used with initial; omit one")
     if names and case.across is not None:
         raise UsageError("gradient requires a model with one direction; omit it")
     response = run_case(

@@ -169,7 +169,7 @@ def drift_spectrum(
         Number of stories of every building. By default, it follows from the height and
         `story_height`.
     story_height : float
-        Approximate story height, m, if `stories` is None. The number of stories is the height of
+        Approximate story height, m, if `stories` is `None`. The number of stories is the height of
         the building divided by this value, rounded, at least 1. All stories have equal heights.
     height_period : HeightPeriod
         Relation that determines the height of a building from its period.

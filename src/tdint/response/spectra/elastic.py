@@ -205,7 +205,7 @@ def groups(
     indices in `omega`, the number of time steps in a sampling interval, and a table of coefficients
     for the kernel.
 
-    The kernel integrates `lanes` oscillators together. The table has one column for each
+    The kernel integrates `lanes` oscillators together. The table has a column for each
     oscillator. The last column is repeated until the number of columns is a multiple of `lanes`.
     """
     parts = maxima.parts(omega, dt)

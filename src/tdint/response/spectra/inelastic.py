@@ -51,7 +51,7 @@ class InelasticSpectrum(RecordSpectrum):
     """Response of bilinear oscillators to a single record, for a single damping ratio and one
     ductility or strength; arrays of shape (k,).
 
-    `target` is None for spectra of constant strength. `elastic_sd` is the maximum displacement of
+    `target` is `None` for spectra of constant strength. `elastic_sd` is the maximum displacement of
     the elastic oscillator, m. Without damping, `residual` is the center of the free vibration after
     the record.
 

@@ -140,7 +140,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         )
     acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
     acceleration[~is_rigid] = demand.at(period[~is_rigid])
-    # The arrays of modal peaks have one row for each mode and one column for each story.
+    # The arrays of modal peaks have a row for each mode and one column for each story.
     system = building.system
     # Modal participation factors: inerters are not loaded by the ground motion.
     factor = (modes.mass if modes.load is None else modes.load) @ modes.shapes

@@ -531,7 +531,7 @@ def _has_damping(
 
 
 def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
-    """Return the target spectrum of a table with one column of periods and one column of
+    """Return the target spectrum of a table with a column of periods and one column of
     accelerations. ModelError is raised if a column is missing, or its values are invalid.
     """
     # Columns of pseudo-acceleration have precedence over other accelerations.
@@ -764,7 +764,7 @@ def read_published(
     RecordError
         The file cannot be read, lacks a column or units, or contains a period twice.
     UsageError
-        The file contains several columns of values, and `column` is None.
+        The file contains several columns of values, and `column` is `None`.
     """
     needs = "a published spectrum is a CSV file with periods, values and their units"
     table = read_table(str(source), needs, error=RecordError, find_header=find_spectrum_header)

@@ -405,7 +405,7 @@ def profile_table(
     units: OutputUnits = SI,
     statistics_names: Sequence[str] = ("mean", "max"),
 ) -> Table:
-    """Return the mean and maximum of quantities over the ground motions, with one row per story.
+    """Return the mean and maximum of quantities over the ground motions, with a row per story.
 
     Parameters
     ----------
@@ -444,7 +444,7 @@ def _named(names: Sequence[str]) -> list[Quantity]:
 
 def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
     """Return the errors of means and maxima that result from the errors of the runs, in percent,
-    with one row per story. Errors of residual drifts are in percent of the peak drifts.
+    with a row per story. Errors of residual drifts are in percent of the peak drifts.
 
     Parameters
     ----------
@@ -494,7 +494,7 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
 
 
 def run_floor_table(store: Store, floors: SpectraOfRuns) -> Table:
-    """Return the table of the floor spectra of runs, with one row per run, floor, damping ratio and
+    """Return the table of the floor spectra of runs, with a row per run, floor, damping ratio and
     period.
     """
     # Two samples can be the same ground motion; their numbers distinguish the rows.

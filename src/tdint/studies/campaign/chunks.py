@@ -456,7 +456,7 @@ class Batch:
         The events of the sequence are joined to a single record. The time between two events
         depends on the building if each event starts after the free vibration of the previous event.
         Rows of stories and elements contain the peaks over all events. A run that did not fail also
-        has one row per event.
+        has a row per event.
         """
         case, dt = self._case(run), self.settings.dt
         record = case.record

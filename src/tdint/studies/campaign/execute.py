@@ -405,7 +405,7 @@ def merge(
     Raises
     ------
     UsageError
-        A directory contains no campaign, or the campaigns differ; the message has one line per
+        A directory contains no campaign, or the campaigns differ; the message has a line per
         difference.
     AnalysisError
         Runs are missing from all stores; the message has their number and their shards.

@@ -183,7 +183,7 @@ def check_load_cases(campaign: CampaignFile) -> None:
     ModelError
         A floor does not exist in a building.
     RecordError
-        Files of load cases are invalid; the message has one line per reason.
+        Files of load cases are invalid; the message has a line per reason.
     """
     assert isinstance(campaign.records, LoadFiles)
     models: list[Model] = []
@@ -397,7 +397,7 @@ def read_motions(records: RecordFiles) -> CampaignMotions:
     Raises
     ------
     RecordError
-        No record can be used; the message has one line per reason.
+        No record can be used; the message has a line per reason.
     """
     return _motions_of(read_suite(records.files, records.choice, records.pairs))
 
@@ -426,7 +426,7 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     ModelError
         The file cannot be read.
     RecordError
-        No sequence can be used; the message has one line per reason.
+        No sequence can be used; the message has a line per reason.
     """
     format_text = (
         f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three "
@@ -477,7 +477,7 @@ def read_load_cases(
     ModelError
         A building does not have a floor that is loaded.
     RecordError
-        No file can be used; the message has one line per reason.
+        No file can be used; the message has a line per reason.
     """
     # Imported here, because only campaigns of load cases read tables of forces.
     from tdint.model.config.load_tables import read_load_file

@@ -51,7 +51,7 @@ from tdint.units import SI, OutputUnits
 _MAX_PANELS = 6  # maximum number of panels of floor spectra
 
 _MAX_ROWS = 4
-"""Maximum number of levels, which have one row of panels each."""
+"""Maximum number of levels, which have a row of panels each."""
 
 
 def profile_picture(
@@ -62,7 +62,7 @@ def profile_picture(
     title: str = "",
     member: str = "motion",
 ) -> Figure:
-    """Plot the profiles of buildings, with one row of panels for each level.
+    """Plot the profiles of buildings, with a row of panels for each level.
 
     Parameters
     ----------
@@ -368,7 +368,7 @@ _COLUMNS = 3  # maximum number of panels in a row
 
 
 def runs_picture(runs: Runs, units: OutputUnits = SI) -> Figure:
-    """Plot the peak responses of many runs over the height, with one row of panels for each scale
+    """Plot the peak responses of many runs over the height, with a row of panels for each scale
     factor.
 
     Parameters

@@ -1,7 +1,7 @@
 """Fragility functions of a campaign: one function for each building type (or building) and damage
 state.
 
-A run that ends with a collapse exceeds all states, regardless of the drift at which the run was
+A run that ends with a collapse exceeds all states, regardless of the drift where the run was
 stopped. The dispersion of the thresholds is part of beta: stripes count probabilities of
 exceedance, and a cloud adds its variance to the variance about the line. Equal buildings count with
 their number.
@@ -189,7 +189,7 @@ class _RunCollector:
         number (of the event) count as a single ground motion.
         """
         damage = damage_by_motion(building, rule.demand)
-        # If the components of pairs were combined, `damage` has one entry per group of runs instead
+        # If the components of pairs were combined, `damage` has an entry per group of runs instead
         # of per run. Both runs of a group have the same intensity; use the first.
         if damage is not building:
             im = im[first_runs(building.motion)]

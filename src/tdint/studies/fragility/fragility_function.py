@@ -38,7 +38,7 @@ NORMAL_95 = 1.959963984540054
 standard deviations."""
 
 BINS = 6
-"""Number of intensity bins in which exceedances are counted. Fewer bins would hide a bend; with
+"""Number of intensity bins where exceedances are counted. Fewer bins would hide a bend; with
 more bins each bin contains few ground motions."""
 
 _REPORTED_DIFFERENCE = 3.0

@@ -119,7 +119,7 @@ FAILED = (
     Column.named("failed", "number of runs without a result, which the fit omits"),
     *(_bound(bound, parameter) for bound in (0, 1) for parameter in ("theta", "beta")),
 )
-"""Columns of fits in which some runs have no result."""
+"""Columns of fits where some runs have no result."""
 
 _COUNTS = {
     "im": ("im", "geometric mean of the intensities in bin {}, from the lowest"),
@@ -133,7 +133,7 @@ _COUNTS = {
 
 def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float]:
     """Return a function of a fragility function, which returns an attribute of `Counted` in one of
-    the bins of the intensity, in which the runs of a fit are counted.
+    the bins of the intensity, where the runs of a fit are counted.
     """
 
     def value(function: Fragility) -> float:
@@ -229,7 +229,7 @@ def fragility_table(
     total: bool = False,
     states: Sequence[Column] = FRAGILITY_STATES,
 ) -> Table:
-    """Return the table of fragility functions, with one row per function.
+    """Return the table of fragility functions, with a row per function.
 
     The columns of the regression line, of failed runs and of the counts in bins are omitted if no
     function has these values.
@@ -348,7 +348,7 @@ DEPENDENCE = (
 def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
     """Return the table that compares intensity measures as predictors of the drift ratio.
 
-    It has one row per intensity measure and characteristic of the ground motions, such as the
+    It has a row per intensity measure and characteristic of the ground motions, such as the
     magnitude, that may explain the residuals. Without characteristics, an intensity measure has a
     single row with empty cells at the end.
     """

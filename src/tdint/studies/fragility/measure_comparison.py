@@ -103,7 +103,7 @@ def compare_measures(
         Directory of a campaign of one building, with runs.csv. Measures other than `sa` and `pga`
         require measures.csv.
     characteristics : str or Path, optional
-        CSV file with one row per record. The scale factor is an additional characteristic if it
+        CSV file with a row per record. The scale factor is an additional characteristic if it
         varies.
 
     Returns
@@ -252,7 +252,7 @@ def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 def _characteristics(
     table: CsvTable, file: str | Path | None
 ) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
-    """Read the characteristics of ground motions from a CSV file with one row per record; none
+    """Read the characteristics of ground motions from a CSV file with a row per record; none
     without a file.
 
     The result contains the values for the record of each run of `table`, by the name of the

@@ -91,7 +91,7 @@ class RunMeasure:
         Parameters
         ----------
         period : float | None
-            First period of all buildings, s. If it is None (different or unknown periods), the
+            First period of all buildings, s. If it is `None` (different or unknown periods), the
             name contains T1 instead of the period.
         """
         return self.called.format(FIRST if period is None else f"{period:.6g}")

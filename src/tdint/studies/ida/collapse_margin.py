@@ -2,11 +2,11 @@
 
 Single components count as motions. The pairs are normalized by their peak velocities, and one
 factor then scales all of them. S_CT is the median Sa(T) of the normalized components times the
-factor at which half of the components cause collapse, and the collapse margin ratio CMR is S_CT
+factor where half of the components cause collapse, and the collapse margin ratio CMR is S_CT
 over the intensity S_MT of the maximum considered earthquake. The spectral shape factor SSF corrects
 it for the shape of rare spectra: ACMR = SSF CMR.
 
-The scale factor at which a component causes collapse does not depend on the measure of the levels,
+The scale factor where a component causes collapse does not depend on the measure of the levels,
 so that it follows from the curves of an incremental dynamic analysis.
 """
 
@@ -51,7 +51,7 @@ _PARAMETERS = dict.fromkeys(("smt", "ductility", "sdc", "dr", "td", "mdl"), True
 
 
 def collapse_factor(factors: Array) -> float:
-    """Return the factor at which half of the components cause collapse: value n / 2 in ascending
+    """Return the factor where half of the components cause collapse: value n / 2 in ascending
     order (for odd n, the median)."""
     return float(np.sort(factors)[(len(factors) - 1) // 2])
 

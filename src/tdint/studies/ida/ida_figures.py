@@ -138,7 +138,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
         return
     drifts = fractile_drifts(limit)
     rows = capacity_fractiles(study.motion_curves, drifts)
-    # In reverse order, the legend lists the median first; both dashed lines have one entry.
+    # In reverse order, the legend lists the median first; both dashed lines have an entry.
     for fraction, row in reversed(list(zip(FRACTIONS, rows, strict=True))):
         is_median = fraction == 0.5
         if not np.isfinite(row).any() or (several and not is_median):

@@ -134,7 +134,7 @@ def _medians(study: IdaStudy) -> list[str]:
 
 
 def _fractile_table(study: IdaStudy) -> Table:
-    """Return the table of the fractiles of the capacities over the ground motions, with one row for
+    """Return the table of the fractiles of the capacities over the ground motions, with a row for
     each threshold and each tenth of the collapse drift, and for each damage of the building before
     the ground motions."""
     units = {"drift_ratio": "1"}

@@ -172,7 +172,7 @@ class _CurveRows:
 
 
 def ida_table(study: IdaStudy) -> Table:
-    """Return the table of the results of an incremental dynamic analysis, with one row per run.
+    """Return the table of the results of an incremental dynamic analysis, with a row per run.
 
     The rows are in the order of the records, and of the intensity levels of each record from the
     lowest.
@@ -184,7 +184,7 @@ def ida_table(study: IdaStudy) -> Table:
 
 
 def capacity_table(study: IdaStudy) -> Table:
-    """Return the table of the capacities of an incremental dynamic analysis, with one row per
+    """Return the table of the capacities of an incremental dynamic analysis, with a row per
     ground motion and drift threshold, or limit of attachments or links.
 
     A capacity is the lowest intensity that exceeds the threshold.

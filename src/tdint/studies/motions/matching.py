@@ -184,7 +184,7 @@ class Match(Tabular):
         """Mean ratio of RotD100 to RotD50, and correlation between the two components.
 
         The first tuple contains both values of the matched pair, the second the values of its seed.
-        The property is None for a single component.
+        The property is `None` for a single component.
         """
         values = []
         for motion in (self.record, self.seed):

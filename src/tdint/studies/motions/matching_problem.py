@@ -82,7 +82,7 @@ they would cause large ground displacements."""
 
 @dataclass(frozen=True)
 class SparseRows:
-    """Matrix with one row for each equation and one column for each sample of each component.
+    """Matrix with a row for each equation and one column for each sample of each component.
 
     A row contains the derivatives of an extreme of a response (or of the final velocity or
     displacement of the ground) with respect to the samples. In the part of a row for component c,
@@ -377,7 +377,7 @@ class MatchingProblem:
         """Return the extremes of the responses above a level (m/s^2, one per oscillator), and the
         maximum of each oscillator.
 
-        The first array has one column for each extreme: index of the oscillator (row OSCILLATOR),
+        The first array has a column for each extreme: index of the oscillator (row OSCILLATOR),
         time in s (TIME) and, from row VALUE on, the response to each component in m/s^2. The second
         array contains the maximum of each oscillator in m/s^2, and its column in the first array,
         or a negative number if the maximum is not an extreme above the level.

@@ -13,7 +13,7 @@ def match_table(matches: Sequence[Match]) -> Table:
     """Return the table of spectral matches: misfits and intensity measures of the matched ground
     motions.
 
-    It has one row per component and damping ratio. There is a column with the damping ratio if the
+    It has a row per component and damping ratio. There is a column with the damping ratio if the
     ground motions were matched at several ratios.
     """
     # A match has a result for each damping ratio, which has one result per component.

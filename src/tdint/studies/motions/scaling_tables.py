@@ -43,7 +43,7 @@ SCALED = (
 
 
 def factor_table(scaling: Scaling) -> Table:
-    """Return the table of the scale factors of a suite, with one row per record (each component of
+    """Return the table of the scale factors of a suite, with a row per record (each component of
     a pair has a row)."""
     # Both components of a pair have the same factor.
     rows = [

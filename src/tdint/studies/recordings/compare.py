@@ -244,7 +244,7 @@ def _base_motion(
 
 
 def _floor_signal(signals: Sequence[Signal], label: str, notes: dict[str, None]) -> Signal:
-    """Return the translation of a floor: the mean of its sensors, in which rotations cancel.
+    """Return the translation of a floor: the mean of its sensors, where rotations cancel.
 
     Raises
     ------

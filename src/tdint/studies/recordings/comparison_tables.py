@@ -52,7 +52,7 @@ FITTED = (
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
-    """Return the table that compares computed with recorded floor responses, with one row per
+    """Return the table that compares computed with recorded floor responses, with a row per
     floor and quantity. With several events, the last column is the file of the recordings."""
     return _by_event(COMPARISON, [(comparison, comparison.floors) for comparison in comparisons])
 
@@ -60,7 +60,7 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
 def comparison_spectra_table(
     comparisons: Sequence[Comparison], periods: Array, damping: float
 ) -> Table:
-    """Return the table of computed and recorded floor spectra, with one row per floor and period.
+    """Return the table of computed and recorded floor spectra, with a row per floor and period.
 
     With several events, the last column is the file of the recordings.
 
@@ -76,7 +76,7 @@ def comparison_spectra_table(
 
 
 def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Table:
-    """Return the table of fitted parameters, with one row per value; the name of a parameter
+    """Return the table of fitted parameters, with a row per value; the name of a parameter
     contains its unit."""
     return Table.of_results(FITTED, [fitted_in(value, units) for value in values])
 

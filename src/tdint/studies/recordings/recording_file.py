@@ -227,7 +227,7 @@ def _make_sensor(
     # `column` selects a series in a table, `component` a series in a record.
     column, sign_entry = value.peek("column"), value.peek("sign")
     if column and entries["column"] and entries["component"]:
-        column.fault("`column` applies to tables and `component` to records; omit one of them")
+        column.fault("`column` applies to tables and `component` to records; omit one")
     if sign_entry and sign == 0:
         sign_entry.fault("must be 1 or -1")
     return Sensor(

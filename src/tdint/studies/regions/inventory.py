@@ -1,6 +1,6 @@
 """Derive the buildings of an inventory from a set of rules, and write their model files.
 
-An inventory is a CSV file with one building per row. Stiffness and damping can be sampled at random
+An inventory is a CSV file with a building per row. Stiffness and damping can be sampled at random
 around the values of the rules.
 """
 
@@ -76,7 +76,7 @@ _NUMBERS = {
     "Latitude": Bounds(-90.0, 90.0),
     "Longitude": Bounds(-360.0, 360.0),
 }
-"""Allowed range of the columns in which every building may have a different number. The other
+"""Allowed range of the columns where every building may have a different number. The other
 columns contain few distinct texts, which are checked once each."""
 
 _REQUIREMENTS = (

@@ -40,7 +40,7 @@ def open_store(
     Raises
     ------
     AnotherStudyError
-        The directory contains another campaign; the message has one line per difference.
+        The directory contains another campaign; the message has a line per difference.
     OutputError
         The store cannot be written.
     """
@@ -64,7 +64,7 @@ def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[s
     name = ":memory:" if file is None else str(file)
     store = open_written(name)
     with schema.closed_on_failure(store.connection), sqlite_errors_reported(name):
-        # `remarks` is None if the file is new or empty.
+        # `remarks` is `None` if the file is new or empty.
         remarks = None if is_empty(store) else check_same(store, identity)
         if remarks is None:
             create_tables(store, identity)
@@ -195,7 +195,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
     Raises
     ------
     AnotherStudyError
-        The store contains another campaign; the message has one line per difference.
+        The store contains another campaign; the message has a line per difference.
     """
     # An empty list of `inventory_files` represents a store without an inventory.
     if identity.fingerprint != store.meta("fingerprint"):

@@ -263,7 +263,7 @@ class Store:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
                 for number, run_count in chunks:
                     chunk = number if number >= 0 else -1 - number
-                    # The expected number of runs is None if it depends on results.
+                    # The expected number of runs is `None` if it depends on results.
                     size = identity.size(chunk) if chunk < identity.chunks else -1
                     if size is not None and (
                         run_count != size if number >= 0 else run_count >= size
