@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tdint
+from registered import forgotten  # noqa: F401
 from registered import plain as interpreted  # noqa: F401
 
 RECIPES = Path(__file__).parents[2] / "methods/recipes"
