@@ -306,5 +306,5 @@ def _label(function: Fragility, beta_total: float | None = None) -> str:
     beta = rf"$\beta$ = {function.beta:.2f}"
     if beta_total is not None:
         beta = rf"$\beta_{{total}}$ = {beta_total:.2f}"
-    theta = f"{function.theta:.3g} {function.unit}".strip()
+    theta = f"{function.theta:.3g} {function.unit.replace('^2', '²')}".strip()
     return rf"{threshold}$\theta$ = {theta}, {beta}"
