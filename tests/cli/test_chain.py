@@ -177,7 +177,7 @@ def test_annual_losses_of_matched_pairs(pool, tdint):
     Path("classes.csv").write_text("class,sd_m,sa_g\nA,0.005,0.2\nA,0.1,0.25\n")
     Path("buildings.csv").write_text(
         "id,class,NumberOfStories,Longitude,Latitude,cost,number\na,A,1,10,45,1e6,3\n"
-        "b,A,2,10,45,5e5,\n"
+        "b,A,2,10,45,5e5,1\n"
     )
     Path("sites.csv").write_text("site,longitude,latitude\nhere,10,45\n")
     fields = [f"{event},here,{file},1" for event, file in zip(rates, files, strict=True)]

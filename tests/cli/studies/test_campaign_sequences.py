@@ -182,7 +182,7 @@ def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
     )
     model = library.load_model("frame.yaml")
     main = library.read_record("other.mseed", component="HNE", units="m/s^2")
-    record = library.read_record("motion.mseed", component="HNE", units="m/s^2")
+    record = library.read_record(level["record"], component=level["component"], units="m/s^2")
     case = library.prepare(model, main, method="newmark-average")
 
     def reached(factor: float) -> float:
@@ -200,7 +200,7 @@ def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
     assert demands(found.events[0].stories).drift_ratio.value == pytest.approx(0.02, rel=2e-4)
     drift = demands(found.events[1].stories).drift_ratio.value
     # The scale factor has a tolerance of 1e-4.
-    assert float(level["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-2)
+    assert float(level["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-3)
 
     again = tdint(
         *AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0

@@ -484,7 +484,8 @@ def test_clouds_use_the_requested_measure_of_the_pair(
     # The number of ground motions does not depend on fit and type.
     assert {found["motions"] for found in rows("f.csv")} == {"4"}
     if im == "sa":
-        assert row["im"] == f"sa({2.0 * math.pi * math.sqrt(0.004 / (0.15 * 9.81)):.6g})"
+        period = 2.0 * math.pi * math.sqrt(0.004 / (0.15 * 9.81))
+        assert row["im"] == f"geometric-mean-sa({period:.6g})"
     assert f'imt="{imt}' in Path("f.xml").read_text()
     assert "is the geometric mean of both components" in result.stderr
 

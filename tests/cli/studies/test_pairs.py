@@ -280,8 +280,8 @@ def test_capacities_of_pairs(suite, tdint):
     result = tdint(*call.split(), code=0)
     (line,) = [line for line in result.stderr.splitlines() if "pair_demand" in line]
     assert "3 pairs" in line and rows(result.stdout) == tables["larger"]
-    # The summary counts motions as the table does: pairs, not their six records.
-    assert re.search(r": 3 pairs, \d+ runs with ", result.stderr)
+    # The summary counts the components, their recordings and the pairs.
+    assert re.search(r": 6 components, 3 recordings, 3 pairs, \d+ runs with ", result.stderr)
 
 
 def test_the_mean_curve_of_a_pair_equals_the_analytical_curve():

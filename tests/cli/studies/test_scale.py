@@ -332,8 +332,8 @@ def test_invalid_factor_tables_are_refused(folder, tdint, arguments, code, messa
 @pytest.mark.usefixtures("short_matching")
 @pytest.mark.long
 def test_records_of_the_table_of_factors(folder, tdint, make_record):
-    """Select, match, run, ida and campaign require no record arguments: the table lists the
-    selected records, and the other motions of the suite are not used."""
+    """Select, match, run, ida and campaign require no record arguments: the table lists both
+    components of the selected recordings, and the other motions of the suite are not used."""
     (folder / "pool").mkdir()
     for seed in range(4):
         make_record(
@@ -348,7 +348,9 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
     tdint("scale", "pool", *UNITS, *target, "--select", 3, "-o", "factors.csv", code=0)
     factors = rows("factors.csv")
     listed = [(row["record"], row["component"], row["factor"]) for row in factors]
-    assert len(listed) == 3
+    # Three recordings, each with one factor for both components
+    assert len({(record, factor) for record, _, factor in listed}) == 3
+    assert len({(record, component) for record, component, _ in listed}) == len(listed) == 6
 
     # The runs equal separate runs with the records of the pool and the same factors.
     tdint("run", "shaken.yaml", *UNITS, "--factors", "factors.csv", "-o", "out", code=0)
@@ -378,7 +380,8 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
     call = ("match", *UNITS, "--factors", "factors.csv", *target, "-o", "matched")
     tdint(*call, "--suite", "mean", "--format", "csv", code=0)
     matched = rows("matched/matched.csv")
-    assert [(row["record"], row["component"]) for row in matched] == [row[:2] for row in listed]
+    assert [row["record"] for row in matched] == [row[0] for row in listed]
+    assert {(row["record"], row["component"]) for row in matched} == {row[:2] for row in listed}
     for command in (("match", *target, "-o", "m"), ("ida", "shaken.yaml")):
         tdint.refused("RECORD is required; specify either records", *command, code=2)
         conflicting = (*command, "pool", "--factors", "factors.csv")
