@@ -307,6 +307,9 @@ def risk_table_of(functions: Sequence[Fragility]) -> Table:
     columns = [Column("function", TEXT, "exceeded", ""), *_of("risk", _RISK)]
     if functions[0].total_risk:
         columns += _of("total_risk", RISK_TOTAL[:3])
+    units = dict.fromkeys(("annual_frequency", "annual_frequency_error"), "1/year")
+    units["contributing_im"] = functions[0].unit
+    columns = [column._replace(unit=units.get(column.name, column.unit)) for column in columns]
     return Table.of_results(columns, functions)
 
 
