@@ -69,7 +69,8 @@ def buildings() -> None:
     print(whole.history.drift.max(), tdint.run_case(case, history=True).history.time[-1])
     after: tdint.Response = tdint.run(model, record, initial=whole.final_state)
     stepper = tdint.Stepper(content, "impulse4", 0.01)
-    stepper.step(0.1, [1e3]), stepper.copy().reset()
+    stepper.step(0.1, [1e3])
+    stepper.copy().reset()
     state: tdint.RunState = stepper.state
     print(state.velocity[0], state.history.energy.kinetic, after.final_state.time)
     tdint.run_sequence(case, [record, record], rest=1.0)

@@ -31,7 +31,9 @@ ELSEWHERE = {
     "openquake.hazardlib.imt": "OpenQuake", "psa_g": "column of a user",
     "rax": "register of a processor",
     "sd_cm": "column of a user", "session.run": "nox", "shear_kN": "column of a user",
-    "trio": "class of a page", "Hysteretic": "OpenSees", "Steel02": "OpenSees",
+    "trio": "class of a page", "Hysteretic": "OpenSees", "Pinching4": "OpenSees",
+    "stronger": "variant of configs/retrofit",
+    "stiffer": "variant of configs/retrofit", "Steel02": "OpenSees",
     "text.usetex": "matplotlib", "_figures": "suffix of modules", "p50": "percentile in a table",
 }  # fmt: skip
 """Names of other programs and of users, by the place in which they exist."""

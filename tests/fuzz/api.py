@@ -34,10 +34,11 @@ _TYPES: tuple[Any, ...] = (
 )  # fmt: skip
 _NEVER_NUMBERS = (
     "ductility", "errors", "collapse", "residual_drift_ratio", "peak_drift_ratio",
-    "height", "limits",
+    "height", "limits", "yield_drift", "law_state", "scratch",
 )  # fmt: skip
 """Fields that are nan where there is nothing to tell: a story without height, a law without
-yielding, a story without this limit."""
+yielding, a story without this limit. In a final state: tables of laws, in which the end of a branch
+is infinite, and working memory, which holds no result."""
 
 _OF_ANOTHER_TYPE = re.compile("truth value of an|could not be broadcast|could not convert string")
 """What numpy says of an array or a text in the place of a number."""

@@ -65,6 +65,10 @@ SAME_MOTION = {
     *("attachments.mass_ratio", "attachments.period", "attachments.damping"),
     # two directions, each a building of the grid: tests/response/runs/test_two_directions.py
     *("x", "y", "stories.x", "stories.y", "excitation.x", "excitation.y", "excitation.azimuth"),
+    # contacts in links: tests/response/runs/test_contact.py
+    *("stories.law.dashpot", "stories.law.restitution"),
+    # initial motion of attachments: tests/model/test_topology.py
+    "initial.attachments",
     # fracture: tests/grid/test_fractures.py
     *("stories.law.fracture_drift", "stories.elements.fracture_drift"),
     # linear models: tests/response/runs/test_matrices.py

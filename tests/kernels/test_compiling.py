@@ -91,7 +91,7 @@ def test_kernel_is_compiled_once_and_loaded_without_compiler(small):
     outputs = [printed(process).splitlines() for process in running]
     assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in outputs)
     (message,) = (line for lines in outputs for line in lines if line.startswith("compiling"))
-    assert states(message, "compiling 1 time loop ... (about 5 s): small; stored in ")
+    assert states(message, "compiling 1 time loop ... (about 3 s): small; stored in ")
     (file,) = (small / "cache").rglob("*.object")
     content = file.read_bytes()
     code, about = unpack(content)

@@ -681,8 +681,10 @@ def test_plugin_files_are_sent_to_workers(workshop, verlet, hyperbolic, tmp_path
         [sys.executable, "-c", worker], input=called, capture_output=True, cwd="/"
     )
     assert done.returncode == 0, done.stderr
-    assert pickle.loads(done.stdout).rows.runs == run_chunk_with_plugins(sent, chunk).rows.runs
-    assert len(run_chunk_with_plugins(sent, chunk).rows.runs) == 2
+    here, there = run_chunk_with_plugins(sent, chunk).rows.runs, pickle.loads(done.stdout).rows.runs
+    # The texts of numbers are exact, and those of two nan (here no isolator) are equal.
+    assert repr(there) == repr(here)
+    assert len(here) == 2
     with pytest.raises(UsageError, match=r"verlet\.py: .*another version"):
         run_chunk_with_plugins((("verlet.py", b"METHODS = ()"),), chunk)
 

@@ -444,7 +444,18 @@ class Model:
         return (self,) if self.across is None else (replace(self, across=None), self.across)
 
     def in_directions(self, **values: Any) -> Model:
-        """Return the model with new values of attributes, in both directions if it has two."""
+        """Return the model with new values of attributes, in both directions if it has two.
+
+        Parameters
+        ----------
+        **values : any
+            Values by name of the attribute.
+
+        Returns
+        -------
+        Model
+            Copy with the values.
+        """
         across = None if self.across is None else replace(self.across, **values)
         return replace(self, across=across, **values)
 

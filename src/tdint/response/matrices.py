@@ -53,7 +53,7 @@ class SystemMatrices(Described):
     Attributes
     ----------
     names : tuple of str
-        Names of the rows: `floor_1`, ..., then the attachments; names of rows that are not floors.
+        Names of the rows: floor_1, ..., then the attachments; names of rows that are not floors.
     mass, stiffness, damping : ndarray, shape (n, n)
         M (kg), K with P-delta (N/m), and C (N s/m) with Rayleigh or modal damping and all dashpots
         without a brace.

@@ -366,8 +366,17 @@ class Case(Described):
         return has_diverged and not self.allow_unstable
 
     def require_stability(self, h: float) -> None:
-        """Raise FailedRun if the time step h (s) is above the stability limit of the method for a
-        mode of the building in its initial state.
+        """Check that the method is stable for all modes of the building in its initial state.
+
+        Parameters
+        ----------
+        h : float
+            Time step, s.
+
+        Raises
+        ------
+        FailedRun
+            The time step is above the stability limit of the method for a mode.
         """
         instability = self.prepared.instability(self.method, h)
         if instability is None:
@@ -433,8 +442,23 @@ class Case(Described):
         )
 
     def failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        """Return the exception for a run that failed in a time step with `code`: NOT_FINITE means
-        divergence, any other code that the equilibrium iteration did not converge."""
+        """Return the exception for a run that failed in a time step.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run.
+        space : Workspace
+            Arrays of the time integration after the failed step.
+        code : int
+            NOT_FINITE means divergence, any other code that the equilibrium iteration did not
+            converge.
+
+        Returns
+        -------
+        FailedRun
+            Status, time and story of the failure.
+        """
         if code == rows.NOT_FINITE:
             return self._divergence(steps, space)
         residual = float(space.step_status[rows.RESIDUAL])
@@ -692,8 +716,24 @@ class Case(Described):
         )
 
     def state(self, space: Workspace, h: float, completed: int, ground: float) -> RunState:
-        """Return the state after a number of completed time steps of length h (s), under the ground
-        acceleration `ground` (m/s^2)."""
+        """Return the state after a number of time steps.
+
+        Parameters
+        ----------
+        space : Workspace
+            Arrays of the time integration after the last step.
+        h : float
+            Time step, s.
+        completed : int
+            Number of completed time steps of this run.
+        ground : float
+            Ground acceleration at the end of the last step, m/s^2.
+
+        Returns
+        -------
+        RunState
+            State from which a run can continue.
+        """
         return RunState(
             h,
             self.prepared.completed + completed,

@@ -170,9 +170,9 @@ class History(WithTable):
         Returns
         -------
         xarray.Dataset
-            Dimensions time and story, energies as `energy_NAME`; forces of elements with the
-            dimension element; quantities of attachments and links as `device_NAME` with the
-            dimension device.
+            Dimensions time and story, energies with the prefix energy; forces of elements with
+            the dimension element; quantities of attachments and links with the prefix device and
+            the dimension device.
 
         Raises
         ------

@@ -112,7 +112,22 @@ class RunState(Described):
         return named_history(self.building, self.loads, space, self.dt)
 
     def require_same(self, building: Building, forces: Array, method: Integrator) -> None:
-        """Raise UsageError if a building, its forces or a method differ from those of the state."""
+        """Check that a building, its forces and a method are those of the state.
+
+        Parameters
+        ----------
+        building : Building
+            Building as arrays.
+        forces : ndarray
+            Forces on floors, the first array of `loads`.
+        method : Integrator
+            Method of the time integration.
+
+        Raises
+        ------
+        UsageError
+            One of them differs, and the message names it.
+        """
         own, system, other = self.building, self.building.system, building.system
         pairs = [
             (own.linear_terms, building.linear_terms),
