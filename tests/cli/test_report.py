@@ -94,8 +94,8 @@ def page(file: str) -> Page:
     return parsed
 
 
-def table_with(found: Page, heading: str) -> list[dict[str, str]]:
-    (table,) = [rows_of_table for rows_of_table in found.tables if heading in rows_of_table[0]]
+def table_with(found: Page, *headings: str) -> list[dict[str, str]]:
+    (table,) = [cells for cells in found.tables if {*headings} <= {*cells[0]}]
     return [dict(zip(table[0], cells, strict=True)) for cells in table[1:]]
 
 
@@ -225,7 +225,10 @@ def test_the_page_of_a_scaled_suite_shows_the_scaled_motions(folder: Path, tdint
     assert [row["scale"] for row in record_rows] == ["0.5", "2"]
     peaks = [float(row["pga_m_s2"]) / 9.80665 for row in rows("out/runs.csv")]
     assert [row["pga (g)"] for row in record_rows] == [f"{peak:.4g}" for peak in peaks]
-    assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
+    # The spectra of the second level are a multiple of those of the first level.
+    assert "Level 1 of 2, times 0.5:" in found.text and "Level 2 of 2, times 2:" in found.text
+    assert re.findall(r"5 % damping, times [0-9.]+", found.text) == ["5 % damping, times 0.5"]
+    assert len(found.sources) == 2  # profiles and spectra
 
 
 @pytest.mark.long
@@ -241,7 +244,8 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
     stories = rows(tdint("run", "kilo.yaml", "--report", "page.html", code=0).stdout)
     found = page("page.html")
     assert "Project: tower" in found.text and "Author: A. B." in found.text
-    assert [row["mass (t)"] for row in table_with(found, "mass (t)")] == ["200", "200"]
+    # Equal stories are one sentence.
+    assert "All stories: mass 200 t, height 3.5 m, stiffness 200000 kN/m, law linear." in found.text
     shears = [f"{float(row['peak_total_shear_N']) / 1e3:.4g}" for row in stories]
     assert [
         row["peak total shear (kN)"] for row in table_with(found, "peak total shear (kN)")
@@ -256,6 +260,8 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
     tdint("run", "kilo.yaml", "--report", "us.html", "--output-units", "kip,in", code=0)
     found = page("us.html")
     assert table_with(found, "peak total shear (kip)")
+    (stiffness,) = re.findall(r"All stories: .* stiffness ([0-9.]+) kip/in", found.text)
+    assert float(stiffness) == pytest.approx(2e8 * 0.0254 / 4448.2216152605, rel=1e-3)
     Path("kilo.yaml").write_text(text.replace("Project: tower", "tower"))
     tdint.refused("kilo.yaml:3:9: report", "run", "kilo.yaml", "-q", code=3)
 
@@ -382,19 +388,48 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
         assert [row["SHA-256"] for row in table_with(found, "SHA-256") if row["file"] == file] == [
             digest
         ], file
-    assert len(found.sources) == 3  # profiles, floor spectra, ground motions with the target
-    # The same building twice: all ratios are 1.
-    assert {row["mean ratio"] for row in table_with(found, "mean ratio")} == {"1"}
-    errors = [table for table in found.tables if "mean peak drift (%)" in table[0]]
-    assert len(errors) == 2 and all(
-        0.0 < float(row[1]) < 5.0 for table in errors for row in table[1:]
+    assert len(found.sources) == 4  # profiles, ratios, floor spectra, motions with the target
+    # The same building twice: all ratios are 1, and the means of both are equal in each story.
+    (ratios,) = [table for table in found.tables if table[0] == ["quantity", "stiff"]]
+    assert len(ratios) > 5 and {row[1] for row in ratios[1:]} == {"1"}
+    means = [row for row in rows("out/profiles.csv") if row["quantity"] == "peak_drift_ratio"]
+    drifts = table_with(found, "shaken (%)", "story")
+    assert (
+        [row["shaken (%)"] for row in drifts]
+        == [row["stiff (%)"] for row in drifts]
+        == [f"{1e2 * float(row['mean']):.4g}" for row in means if row["building"] == "shaken"]
     )
+    # The buildings have a common list, without a building that the others are compared with.
+    assert ">Buildings</h2>" in found.source and "Other buildings" not in found.text
+    assert "stiff: 2 stories" in found.text
+    # The largest estimated error of the runs, with two digits
+    (error,) = re.findall(r"largest estimated error of a maximum drift is ([0-9.]+) %", found.text)
+    errors = [
+        float(row["peak_drift_m_error"]) / float(row["peak_drift_m"])
+        for row in rows("out/runs.csv")
+    ]
+    assert 0.0 < float(error) < 5.0
+    assert float(error) == pytest.approx(1e2 * max(errors), rel=0.06)
     assert found.text.count("Torsion, floor flexibility") == 1
-    # The report does not repeat the statements of `scale` for factors that were edited.
+    assert "Scale factors: factors.csv, computed by tdint scale; rule ec8" in found.text
+    # For factors that were edited, the report repeats only the columns of the table.
     with Path("factors.csv").open("a") as stream:
         stream.write("another.mseed,,2\n")
     tdint(*call, "-o", "changed", "--report", "changed.html", code=0)
-    assert "the method of scaling is unknown" in page("changed.html").text
+    changed = page("changed.html")
+    assert (
+        "Scale factors: factors.csv, with the rule and target of its columns; rule ec8 (EN "
+        "1998-1:2004, 3.2.3.1.2); target EN 1998-1, type 1, soil B, ag = 0.25 g." in changed.text
+    )
+    assert not [text for text in warnings if text in changed.text]
+    # Without these columns, nothing is known.
+    table = rows("factors.csv")
+    Path("factors.csv").write_text(
+        "record,component,factor\n"
+        + "".join(f"{row['record']},{row['component']},{row['factor']}\n" for row in table)
+    )
+    tdint(*call, "-o", "bare", "--report", "bare.html", code=0)
+    assert "the method of scaling is unknown" in page("bare.html").text
 
 
 @pytest.mark.long
@@ -406,7 +441,9 @@ def test_the_page_of_a_pushover_reports_unmet_targets(folder: Path, tdint: Comma
     drifts = [f"{1e2 * float(row['drift_ratio']):.4g}" for row in rows("t.csv")]
     assert [row["drift ratio (%)"] for row in table_with(found, "ductility")] == drifts
     (n2, coefficients) = json.loads(Path("t.json").read_text())["targets"]
-    yield_forces = [row["yield force (kN)"] for row in table_with(found, "yield force (kN)")]
+    # The table of the stories has yield forces as well.
+    oscillators = table_with(found, "yield force (kN)", "participation")
+    yield_forces = [row["yield force (kN)"] for row in oscillators]
     assert yield_forces == [
         f"{target_values['yield_force_N'] / 1e3:.4g}" for target_values in (n2, coefficients)
     ]

@@ -123,7 +123,7 @@ PAIR = Horizontals(record(0), record(1))
                     periods=np.array([0.2, 2.0]),
                     least=(1.02, 0.4),
                 ),
-                ["11 pairs", "90 % of the target", "average", "by ASCE 7"],
+                ["11 pairs", "90 % of the target", "\nmean\n", "by ASCE 7"],
             ),
         ],
     ),

@@ -450,7 +450,8 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     # `changed` returns a suffix for a scaled or processed record, such as ` x 1.7 (processed)`.
     title = motion_name(record) + changed([record])
-    column[0].set_title(title, loc="left", parse_math=False)
+    # The title is above the line of the peak.
+    column[0].set_title(title, loc="left", pad=14.0, parse_math=False)
     # A Husid plot (1969) shows the integral of the squared acceleration divided by its final value.
     # Its marks bound the significant durations.
     energy = cumulative_energy(record)

@@ -162,7 +162,7 @@ def _model_chapters(models: Sequence[Model], base: Model, units: OutputUnits) ->
         return [*chapters.values()]
     variants = [f"{name}: {chapter.parts[0]}" for name, chapter in short.items()]
     described = [chapter for name, chapter in chapters.items() if name not in short]
-    return [*described, Chapter("Other buildings", (variants,))]
+    return [*described, Chapter("Other buildings" if described else "Buildings", (variants,))]
 
 
 _MAX_PICTURES = 6
@@ -558,7 +558,7 @@ def _scaling(
             f"Scale factors: {table.source}; the method of scaling is unknown, because the table "
             "has no columns `target` and `rule`.",
         ), []
-    parts: list[Part] = [_scaling_text(table.source, settings)]
+    parts: list[Part] = [_scaling_text(table, settings)]
     scaling = _scaled_suite(plan, table, settings) if settings.get("periods_s") else None
     if scaling is not None:
         draw = partial(scaling_figures.suite_picture, scaling, units, periods)
@@ -571,9 +571,14 @@ def _scaling(
     return tuple(parts), [f"{table.source}: {text}" for text in table.scaled.get("warnings", ())]
 
 
-def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
-    """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio."""
-    facts = [f"Scale factors: {factors}, computed by tdint scale"]
+def _scaling_text(table: FactorTable, settings: Mapping[str, Any]) -> str:
+    """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio. Only
+    a table that was not changed is known to be from `tdint scale`."""
+    is_unchanged = "schema" in table.scaled
+    origin = (
+        "computed by tdint scale" if is_unchanged else "with the rule and target of its columns"
+    )
+    facts = [f"Scale factors: {table.source}, {origin}"]
     if rule := settings.get("rule"):
         facts.append(f"rule {rule} ({_RULES[rule]})" if rule in _RULES else f"rule {rule}")
     if target := target_text(settings):
