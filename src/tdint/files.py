@@ -465,28 +465,36 @@ def _rename_together(
                     f"{file}: a command was killed while it renamed files here; repeat the "
                     "command, or remove this file"
                 )
-        for file in () if overwrite else ready:
-            if file.exists():
-                raise _exists(file)
-        if overwrite:  # the earlier files are removed before the new ones are renamed
-            _flush(ready.values())
-        for folder in reversed(folders):
-            file = Path(folder) / _JOURNAL
-            with _as_output_error(file):
-                file.touch()
-                _flush([file], json.dumps(journals[Path(folder)]).encode())
+        try:
+            for file in () if overwrite else ready:
+                if file.exists():
+                    raise _exists(file)
+            if overwrite:  # the earlier files are removed before the new ones are renamed
+                for file, temporary in ready.items():
+                    with _as_output_error(file):
+                        _flush(temporary)
+            for folder in reversed(folders):
+                file = Path(folder) / _JOURNAL
+                with _as_output_error(file):
+                    file.touch()
+                    _flush(file, json.dumps(journals[Path(folder)]).encode())
+        except BaseException:
+            # Nothing has been renamed. Without the first journal, the others are not valid.
+            for folder in folders:
+                with suppress(OSError):
+                    (Path(folder) / _JOURNAL).unlink(missing_ok=True)
+            raise
         _unfinished.difference_update(ready.values())
         on_commit()
         _carry_out(journals)
 
 
-def _flush(files: Iterable[Path], content: bytes | None = None) -> None:
-    """Write the content of files to the disk. With `content`, this is their new content."""
-    for file in files:
-        with file.open("r+b" if content is None else "wb") as stream:
-            stream.write(content or b"")
-            stream.flush()
-            os.fsync(stream.fileno())
+def _flush(file: Path, content: bytes | None = None) -> None:
+    """Write the content of a file to the disk. With `content`, this is its new content."""
+    with file.open("r+b" if content is None else "wb") as stream:
+        stream.write(content or b"")
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 def _carry_out(journals: dict[Path, _Journal]) -> None:
@@ -520,7 +528,8 @@ def _carry_out(journals: dict[Path, _Journal]) -> None:
                 temporary.unlink(missing_ok=True)
     if failure is None or not all(overwrite for _, _, overwrite in renamed):
         for folder in reversed(journals):
-            (folder / _JOURNAL).unlink(missing_ok=True)
+            with _as_output_error(folder / _JOURNAL):
+                (folder / _JOURNAL).unlink(missing_ok=True)
     if failure:
         raise failure
 

@@ -426,9 +426,8 @@ def merge(
     # The target can be one of the directories; its store contains its own runs already.
     sources = [part for part in parts if not (is_there(file) and file.samefile(part.folder / FILE))]
     store, name = open_written(file), str(file)
-    with schema.closed_on_failure(store.connection):
-        with schema.sqlite_errors_reported(name):
-            _copy_buildings(sources, store)
+    with schema.closed_on_failure(store.connection), schema.sqlite_errors_reported(name):
+        _copy_buildings(sources, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
         _warn_of_corrupt_chunks(name, store.remove_invalid_chunks())
         store.remove([-1 - number for number in store.started_chunks()])
@@ -438,7 +437,7 @@ def merge(
             new_chunks = set(part.chunks) - store.completed_chunks()
             with (
                 part.open() as source,
-                schema.sqlite_errors_reported(name),
+                schema.sqlite_errors_reported(name),  # not as errors of the source
                 schema.transaction(store.connection, name),
             ):
                 for table, index in _CHUNK_COLUMNS.items():
@@ -507,7 +506,8 @@ class _Part:
 
     def open(self) -> Store:
         """Open the store for reading."""
-        return Store(schema.connect_to_read(self.folder / FILE), self.name)
+        with schema.sqlite_errors_reported(self.name):
+            return Store(schema.connect_to_read(self.folder / FILE), self.name)
 
 
 def _read_part(folder: Path, store: Store) -> _Part:
