@@ -2,9 +2,9 @@
 
     TDINT_WHEEL_TARGETS=linux-x86-64-v2,linux-x86-64-v3 python -m build --wheel
 
-The variable has the values of `tdint compile --target`. All kernels must be for one platform, since
-the wheel has one platform tag, by which pip selects it. Without the variable, the wheel contains no
-kernels and is for all platforms; its build takes a second. `foreign_objects` checks each object.
+The variable has the values of `tdint compile --target`. All kernels must be for the same platform,
+since pip selects a wheel by its platform tag. Without the variable, the wheel contains no kernels,
+is for all platforms, and is built within a second. `foreign_objects` checks each object.
 `wheels.sh` builds all wheels.
 """
 

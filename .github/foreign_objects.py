@@ -65,7 +65,7 @@ def check(code: bytes, about: Mapping[str, Any]) -> None:
     ------
     ValueError
         If the object requires more than the mathematical functions of the C library, or contains
-        relocations whose range may be too short.
+        relocations with a range that may be too short.
     """
     undefined, relocations = undefined_symbols(code, about["platform"])
     refused = [

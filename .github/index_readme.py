@@ -1,6 +1,6 @@
-"""Text and addresses for a package index: the README, with links to the files of this version.
+"""Text and addresses for a package index: the README, with links to files of the released version.
 
-Without the address of a repository, pictures and links to files are removed.
+Without the address of a repository, images and links to files are removed.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ def urls(repository: str, site: str = "") -> dict[str, str]:
 def for_index(text: str, repository: str = "", version: str = "") -> str:
     """Convert the README for a package index.
 
-    Comments are removed, and the first example is replaced by one that needs no checkout. Links and
-    pictures refer to the files of a version in the repository. Without a repository, links become
-    file names and pictures are removed.
+    Comments are removed, and the first example is replaced by an example that needs no checkout.
+    Links and images refer to the files of a version in the repository. Without a repository, links
+    become file names and images are removed.
     """
     text = _COMMENT.sub("", _CHECKOUT.sub(lambda _: _FIRST_RUN, text))
     if not repository:
@@ -76,6 +76,6 @@ def for_index(text: str, repository: str = "", version: str = "") -> str:
 
 
 def _text_of_link(link: re.Match[str]) -> str:
-    """Return the text of a link, with the file to which it leads."""
+    """Return the text of a link, with the linked file."""
     label, file, section = link.groups()
     return label if section else f"{label} (`{file}`)"

@@ -2,7 +2,7 @@
 
 Its pages are sections of the READMEs, arranged by task (`page_sections.py`), the glossary and the
 changelog, and generated pages: one for each command (`--help-all`), for each method (equations,
-parameters, figure of stability, publications), and for each file to which a README links.
+parameters, figure of stability, publications), and for each file that a README links.
 `pip install '.[site]'` installs the generator; `.github/site.yml` contains its settings.
 """
 
@@ -72,10 +72,10 @@ STEPS = np.geomspace(1e-3, 1e3, 400)
 """dt/T of the figures: the default of `tdint stability`."""
 
 REFERENCE_METHOD = "newmark-average"
-"""Method that is drawn in the figure of each method: most programs have it."""
+"""Method in the figure of each method, for comparison: most programs have it."""
 
 
-# ---- Pages that stand in the repository
+# ---- Pages that are files of the repository
 
 
 def readmes() -> list[Path]:
@@ -96,7 +96,7 @@ def links(page: str, text: str) -> Iterator[str]:
 
 
 def sections_of(text: str) -> list[str]:
-    """Return the sections of a README, each from its heading to the next one."""
+    """Return the sections of a README, each from its heading to the next heading."""
     return [section.text for section in split_sections(text)][1:]
 
 
@@ -120,7 +120,7 @@ def shown(name: str) -> str:
 
 
 def modules_of(name: str) -> str:
-    """Return the page of a folder of sources without a README: its modules and their first
+    """Return the page of a source directory without a README: its modules and their first
     sentences."""
     listed = [f"# {name}\n"]
     for file in sorted((ROOT / name).glob("*.py")):
@@ -148,7 +148,7 @@ def with_links_to_commands(text: str) -> str:
 
 
 def with_links_to_reference(page: str, text: str) -> str:
-    """Return a page in which mentions of Python names outside code link to their reference."""
+    """Return a page with links from Python names outside code to their reference."""
     prefix = "../" * page.count("/")
     parts = FENCE.split(text)
     parts[::2] = [link_mentions(part, prefix) for part in parts[::2]]
@@ -164,7 +164,7 @@ def home(text: str) -> str:
     """Return the first page with an installation that needs no checkout, above the figure.
 
     A released version is installed from the package index. Otherwise it is installed from the
-    repository in `pyproject.toml`, [tool.tdint], or from a copy of it if the address is empty.
+    repository in `pyproject.toml`, [tool.tdint], or from a copy if the address is empty.
     """
     repository = addresses()["repository"]
     install, source = "pip install PATH/OF/TDINT", ", from a copy of its repository"
@@ -309,7 +309,7 @@ def picture_of(name: str) -> str:
 
 
 def draw(name: str, file: Path) -> None:
-    """Draw the figure of stability of a method, with the reference method for comparison."""
+    """Plot the stability of a method, with the reference method for comparison."""
     curves = [tdint.stability(one, STEPS) for one in dict.fromkeys((name, REFERENCE_METHOD))]
     tdint.plot(curves, file=file)
 
@@ -367,7 +367,7 @@ def edit_links(files: Iterable[str], repository: str) -> str:
 
 
 def pictures() -> list[str]:
-    """Return the pictures of READMEs, as paths from the root."""
+    """Return the images of READMEs, as paths from the root."""
     texts = ((file.relative_to(ROOT).as_posix(), file.read_text("utf-8")) for file in readmes())
     return sorted(
         {one for page, text in texts for one in links(page, text) if Path(one).suffix in PICTURES}
@@ -409,7 +409,7 @@ def settings(names: Iterable[str]) -> dict[str, Any]:
 
 
 def write(folder: Path) -> None:
-    """Write what the generator reads into a folder: settings, pages, pictures."""
+    """Write the input of the generator to a directory: settings, pages, images."""
     shutil.rmtree(folder / "source", ignore_errors=True)
     texts = pages()
     for name, text in texts.items():

@@ -20,7 +20,7 @@ _COMMENT = re.compile(r"^(.*?\S)\s+# (.*)$")
 
 
 def narrow_blocks(text: str) -> str:
-    """Return Markdown in which the lines of code blocks are short."""
+    """Return Markdown with short lines in code blocks."""
 
     def narrowed(match: re.Match[str]) -> str:
         fence, language, code, _ = match.groups()
@@ -59,7 +59,7 @@ def _indented_command(line: str) -> Iterator[str]:
 
 
 def _continued(command: str, indent: str, width: int = WIDTH) -> Iterator[str]:
-    """Yield a command on several lines: broken before a pipe or option, else before an argument."""
+    """Yield a command on several lines, broken before a pipe, an option or (last) an argument."""
     while len(command) > width:
         quoted = re.sub(r"'[^']*'|\"[^\"]*\"", lambda match: "x" * len(match[0]), command)
         ends = [match.start() for match in re.finditer(r" (?=\S)", quoted[: width - 1])]
@@ -73,7 +73,7 @@ def _continued(command: str, indent: str, width: int = WIDTH) -> Iterator[str]:
 
 
 def _yaml(line: str) -> Iterator[str]:
-    """Yield the lines of a line of YAML; nothing is broken within quotation marks."""
+    """Yield the lines of a line of YAML; quoted texts are not broken."""
     if len(line) <= WIDTH:
         yield line
         return

@@ -1,8 +1,8 @@
 """Pages of the site that are assembled from sections of the READMEs.
 
 `site.yml` lists these pages under `pages`: title, purpose and sections. A section is moved to its
-page with all of its subsections, so each text has one source in the repository and one place on
-the site. The sections of README.md are copied: the first page keeps all of them. Links between
+page with all its subsections, so each text has one source in the repository and a single place on
+the site. The sections of README.md are copied: they remain on the first page. Links between
 sections are resolved here, since a section may be on a different page than its README.
 """
 
@@ -144,7 +144,7 @@ def _promoted(
     homes : mapping
         Page of each section, by README and anchor.
     page : str
-        Page that is assembled; subsections that are listed for other pages are left to them.
+        Page that is assembled; it omits subsections that are listed for other pages.
     """
     name, anchor = reference.split("#", 1)
     found = sections[name]
@@ -161,15 +161,15 @@ def _promoted(
 
 
 def _resolved(text: str, name: str, page: str, target: Callable[[str, str], str]) -> str:
-    """Return Markdown whose links are relative to the page on which it is.
+    """Return Markdown with links that are relative to its page.
 
     Parameters
     ----------
     text : str
         Markdown of a section.
     name : str
-        README of the section, relative to which its links are written; empty for text of site.yml,
-        whose links are relative to the root of the repository.
+        README of the section: its links are relative to this file. Empty for text of site.yml,
+        where links are relative to the root of the repository.
     page : str
         Page of the site that contains the section.
     target : callable

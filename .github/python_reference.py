@@ -111,7 +111,7 @@ def reference_pages(repository: str = "") -> dict[str, str]:
 
 
 def link_mentions(text: str, prefix: str) -> str:
-    """Return Markdown in which each mention of a public name, `tdint.run`, links to its reference.
+    """Return Markdown with a link from each public name, such as `tdint.run`, to its reference.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Metadata of a release: python .github/release.py [TAG DATE]
 
-Without arguments, copy the metadata to every file that needs it, and list what the owner of the
-project must still provide:
+Without arguments, copy the metadata to every file that needs it, and list the data that the owner
+of the project must still provide:
 
 - CITATION.cff and pyproject.toml to codemeta.json, and to README.md as BibTeX
 - addresses (pyproject.toml, [tool.tdint]) to CITATION.cff and the conda recipe
@@ -29,7 +29,7 @@ TELLING = ("SECURITY.md", "CODE_OF_CONDUCT.md")
 """Files of .github that contain the contact."""
 
 DATA_LICENSE = "https://creativecommons.org/licenses/by/3.0/nz/"
-"""License of the recordings in records/kaikoura; SPDX has no identifier for it."""
+"""License of the recordings in records/kaikoura; it has no SPDX identifier."""
 
 _CONTACT = re.compile(r"(?<=<!-- contact -->).*?(?=<!-- end -->)", re.DOTALL)
 _BIBTEX = re.compile(r"(?<=```bibtex\n).*?(?=```)", re.DOTALL)
@@ -174,7 +174,7 @@ def _contradictions(tag: str, day: str, citation: dict[str, Any], source: Path) 
 
 
 def faults(tag: str, day: str) -> list[str]:
-    """Return everything that prevents the release of a tag whose commit is of this date."""
+    """Return everything that prevents the release of a tag with a commit of date `day`."""
     citation, project = read()
     source = ROOT / project["tool"]["hatch"]["version"]["path"]
     messages = _contradictions(tag, day, citation, source)

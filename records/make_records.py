@@ -1,4 +1,4 @@
-"""Create the ground motions of this directory: python records/make_records.py [DIR] [--geonet DIR]
+"""Create the ground motions here: python records/make_records.py [DIR] [--geonet DIR]
 
 The artificial motions are computed from the seeds below. The motions of Kaikoura are recorded: with
 --geonet they are converted from the files of GeoNet in the directory, with unchanged numbers.
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 with warnings.catch_warnings():
-    # obspy looks up its plugins through an interface that Python 3.11 deprecates.
+    # obspy loads its plugins through an interface that Python 3.11 deprecates.
     warnings.simplefilter("ignore", DeprecationWarning)
     from obspy import Stream, Trace, UTCDateTime, read
 
@@ -262,7 +262,7 @@ def write_recordings(folder: Path, geonet: Path) -> None:
     for station, recording in KAIKOURA.items():
         path = geonet / recording.file
         if hashlib.sha256(path.read_bytes()).hexdigest() != recording.sha256:
-            raise SystemExit(f"{path} is not the file from which these motions were created")
+            raise SystemExit(f"{path} differs from the source of these motions")
         codes = dict(zip((*recording.azimuths, "UP"), ("HN1", "HN2", "HNZ"), strict=True))
         traces = [trace for trace in read(str(path)) if trace.stats.channel in codes]
         for trace in traces:

@@ -30,7 +30,7 @@ class HasArray(Protocol):
 
 
 Numbers: TypeAlias = Sequence[float] | HasArray
-"""Argument that accepts several numbers: a list, a tuple or an array with one axis."""
+"""Argument that accepts several numbers: a list, a tuple or a one-dimensional array."""
 
 
 def max_absolute(values: Array) -> float:
@@ -99,10 +99,10 @@ def each_array(function: Callable[..., Array], *parts: Any) -> Any:
     Parameters
     ----------
     function : callable
-        Function of an array of the first part and of the arrays of the same name of the others.
+        Function of the arrays of the same name, one array of each part.
     parts
-        Dataclasses of one type. They may contain other dataclasses, mappings of arrays, and None,
-        texts and tuples of labels, which all parts have in common.
+        Dataclasses of the same type. They may contain other dataclasses, mappings of arrays, and
+        None, texts and tuples of labels, which all parts have in common.
     """
     if isinstance(parts[0], np.ndarray):
         return function(*parts)

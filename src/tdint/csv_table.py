@@ -31,7 +31,7 @@ rows do not contain this row.
 
 _SEPARATORS = "\t;,"
 """Separators of the cells of a table that is read completely: the most frequent of these in the
-header, where names can contain the others. With tabs and semicolons, a comma may be the decimal
+header, where names can contain the rest. With tabs and semicolons, a comma may be the decimal
 point."""
 
 _PROTECTED_TEXT = re.compile(r"'[=+@-]")
@@ -41,7 +41,7 @@ an apostrophe before the text.
 
 BLOCK = 500
 """Number of rows of a large table that are converted to columns together. Each row is a list. The
-number is below 700, because 700 new lists start Python's garbage collector, which takes time.
+number is below 700, because 700 new lists start Python's garbage collector, which is slow.
 """
 
 _CHARACTERS_PER_READ = 2**18
@@ -50,10 +50,10 @@ _CHARACTERS_PER_READ = 2**18
 _TRUE_TEXTS, _FALSE_TEXTS = ("true", "1", "yes"), ("false", "0", "no", "")
 
 _END_OF_CELL = "\0"
-"""Separator of the cells in a `TextColumn`. The readers of this module refuse it in files."""
+"""Separator of the cells in a `TextColumn`. The readers below refuse it in files."""
 
 _CELLS_PER_BLOCK = 50
-"""Number of cells that are joined to one text (block) of a `TextColumn`. A separate text object
+"""Number of cells that are joined to a text (block) of a `TextColumn`. A separate text object
 requires the memory of about 50 characters. Splitting a block to read a cell requires 1 us."""
 
 _CELLS_PER_PART = 1000 * _CELLS_PER_BLOCK
@@ -85,7 +85,7 @@ class CsvTable:
     has_decimal_commas : bool
         True if the separator is a semicolon or a tab, and a comma is a decimal point.
     digest : str
-        SHA-256 of the file; empty for a table whose rows are read on demand.
+        SHA-256 of the file; empty for a table with rows that are read on demand.
     """
 
     source: str
@@ -103,10 +103,10 @@ class CsvTable:
         return all(name.lower() in self.header for name in names)
 
     def need(self, *names: str) -> None:
-        """Raise an error that lists the missing columns if any of these columns is missing.
+        """Raise an error that lists the missing columns, if any.
 
-        The message does not contain the header, because the file can be of another kind: the text
-        of its first line is not for everybody who reads the message.
+        The message does not contain the header, because the file may not be a table: the text of
+        its first line may be confidential.
         """
         missing = [name for name in names if not self.has(name)]
         if missing:
@@ -267,7 +267,7 @@ class TableHeader(NamedTuple):
 
 
 FindHeader = Callable[[Sequence[str]], TableHeader | None]
-"""Function of the lines of a file that returns its header, or None if it finds none."""
+"""Function of the lines of a file that returns its header, or None for a file without a header."""
 
 
 class TextColumn(Sequence[str]):
@@ -292,7 +292,7 @@ class TextColumn(Sequence[str]):
         The number of texts must be a multiple of 50, except in the last call, because
         `__getitem__` computes the block from the index and all blocks before the last must be full.
         """
-        assert self._length % _CELLS_PER_BLOCK == 0  # all blocks so far are full
+        assert self._length % _CELLS_PER_BLOCK == 0  # all previous blocks are full
         for first in range(0, len(texts), _CELLS_PER_BLOCK):
             self._joined.append(_END_OF_CELL.join(texts[first : first + _CELLS_PER_BLOCK]))
         self._length += len(texts)
@@ -408,8 +408,8 @@ def read_table(
     ...`. The names of the columns that will be read must be unique, by default all. `comment`
     contains the first characters of comment lines above the header, as in files of OpenQuake; empty
     if such lines are not allowed. The cells are separated by tabs, semicolons or commas
-    (`_SEPARATORS`). `find_header` finds a header below titles or with another separator; the first
-    line is the header if it finds none.
+    (`_SEPARATORS`). `find_header` returns a header below titles or with another separator; if it
+    returns None, the first line is the header.
 
     Raises
     ------

@@ -20,14 +20,14 @@ _CONTROL = re.compile(
     "[\\x00-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028\\u2029\\u202a-\\u202e"
     "\\u2066-\\u2069\\ud800-\\udc7f\\udd00-\\udfff]"
 )
-"""Characters that terminals execute, that break lines or change the direction of the text, and
-could hide a part of it, and unpaired surrogates. Surrogates U+DC80 to U+DCFF, which represent bytes
+"""Characters that terminals execute, or that break lines or change the direction of the text and
+could hide a part, and unpaired surrogates. Surrogates U+DC80 to U+DCFF, which represent bytes
 that Python could not decode, are not included."""
 
 
 def write_out_controls(text: str, *, keep: str = "") -> str:
     """Return a text from a file for any output, with its control characters written out as escape
-    sequences such as \\x1b, except those in `keep`."""
+    sequences such as \\x1b, except the characters in `keep`."""
     # `repr` adds quotation marks, which are removed.
     return _CONTROL.sub(lambda match: match[0] if match[0] in keep else repr(match[0])[1:-1], text)
 
@@ -49,7 +49,8 @@ class TdintError(Exception):
         super().__init__(abridged(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return the function, its arguments and the state from which pickle restores the error."""
+        """Return the function, the arguments and the state that pickle needs to restore the
+        error."""
         # By default, unpickling calls `__init__` with the message. This fails for subclasses with
         # other arguments, and a process pool would wait forever for such an error. Therefore
         # `_unpickle` does not call `__init__`.

@@ -1,7 +1,7 @@
 """Read and write files.
 
 Files are written completely or not at all: under a temporary name in the same directory, and
-renamed after all of them have been written. A journal in the directory lists the files that are
+renamed after all files have been written. A journal in the directory lists the files that are
 renamed together: if the process is killed, the next command completes the renaming (`settle`).
 """
 
@@ -230,7 +230,7 @@ def is_file(name: str | Path) -> bool:
 
 def is_encodable(text: str) -> bool:
     """Return True if a text can be the name of a file: no character is a surrogate without a
-    meaning, which results from invalid escapes in JSON files, or missing in the encoding of this
+    meaning, which results from invalid escapes in JSON files, or missing in the encoding of the
     locale. Bytes of file names that are not UTF-8 are allowed."""
     try:
         os.fsencode(text)
@@ -318,16 +318,16 @@ def write_files(
     signal before that, the directory is unchanged; a signal during the renaming is handled after
     it. If the process is killed during the renaming, the next command that reads or writes in the
     directory completes it (`settle`). The files that several new files replace are removed before
-    the first of these is renamed: new files are never next to earlier ones. Symbolic links are
+    the first of these is renamed: new files are never next to earlier files. Symbolic links are
     followed. Temporary files of killed processes are removed from the directories.
 
     `contents` is the content of each file, or a function that writes it to a binary stream. `stale`
     contains files of an earlier run that are not part of the new results, with their SHA-256; with
     `overwrite`, they are removed if their content is unchanged, or always if the SHA-256 is empty.
     `complete` contains files that are complete under another name in their directory, and are
-    renamed with the others. `on_written` receives the SHA-256 of each file before the files are
+    renamed with the new files. `on_written` receives the SHA-256 of each file before the files are
     renamed. `last` is an additional file, and the function that returns its content from the
-    SHA-256 of the others.
+    SHA-256 of all other files.
 
     Raises
     ------
@@ -378,8 +378,8 @@ def write_files(
 
 
 def _removable(stale: Mapping[Path, str], ready: Mapping[Path, Path]) -> list[Path]:
-    """Return the files of an earlier run that would not match the new files, `ready`, and whose
-    content is unchanged (SHA-256)."""
+    """Return the files of an earlier run with unchanged content (SHA-256) that would not match the
+    new files, `ready`."""
     new_files = {os.path.realpath(file) for file in ready}
     return [
         file
@@ -393,10 +393,10 @@ def _removable(stale: Mapping[Path, str], ready: Mapping[Path, Path]) -> list[Pa
 
 
 # ---- Journal of the files that are renamed together. The journal of a directory is also the lock
-# of the renaming in it. It lists names in its own directory only, because a directory may come from
-# somebody else; a command that only reads from the directory uses it only if this machine wrote it.
-# If the files are in several directories, the journal of the first one is written last: it makes
-# the others valid.
+# of the renaming in this directory. It only lists names in the same directory, because another user
+# may have copied the directory; a command that only reads from the directory uses it only if this
+# machine wrote it. If the files are in several directories, the journal of the first directory is
+# written last: it makes the other journals valid.
 
 _JOURNAL = ".tdint-journal"
 
@@ -411,8 +411,8 @@ class _Journal(NamedTuple):
     identifier : str
         Common text of the journals that belong together.
     folders : list of str
-        Their directories. The journal of the first one is written last; without it, the others are
-        not valid.
+        Their directories. The journal of the first directory is written last; the other journals
+        are not valid before.
     renamed : dict of str to str
         Temporary and final names.
     removed : list of str
@@ -435,7 +435,7 @@ def _rename_together(
     overwrite: bool,
     on_commit: Callable[[], object],
 ) -> None:
-    """Rename files to their final names, and remove others. `on_commit` is called as soon as the
+    """Rename files to their final names, and remove `removed`. `on_commit` is called as soon as the
     temporary files must not be removed after an error, because a later call completes the
     renaming."""
     if len(ready) == 1 and not removed:
@@ -450,7 +450,7 @@ def _rename_together(
         changes.setdefault(folder, ({}, []))[0][temporary.name] = name
     for file in removed:
         changes.setdefault(os.path.realpath(file.parent), ({}, []))[1].append(file.name)
-    # Directories are locked in the order of their names, so that two processes cannot wait for each
+    # Directories are locked in the order of their names, so that two processes cannot block each
     # other.
     folders, identifier = sorted(changes), os.urandom(8).hex()
     journals = {
@@ -469,7 +469,7 @@ def _rename_together(
             for file in () if overwrite else ready:
                 if file.exists():
                     raise _exists(file)
-            if overwrite:  # the earlier files are removed before the new ones are renamed
+            if overwrite:  # the earlier files are removed before the new files are renamed
                 for file, temporary in ready.items():
                     with _as_output_error(file):
                         _flush(temporary)
@@ -479,7 +479,7 @@ def _rename_together(
                     file.touch()
                     _flush(file, json.dumps(journals[Path(folder)]).encode())
         except BaseException:
-            # Nothing has been renamed. Without the first journal, the others are not valid.
+            # No file has been renamed. Without the first journal, the other journals are not valid.
             for folder in folders:
                 with suppress(OSError):
                     (Path(folder) / _JOURNAL).unlink(missing_ok=True)
@@ -498,7 +498,7 @@ def _flush(file: Path, content: bytes | None = None) -> None:
 
 
 def _carry_out(journals: dict[Path, _Journal]) -> None:
-    """Remove and rename the files of journals, and remove the journals, the first one last. An
+    """Remove and rename the files of journals, and remove the journals, the first journal last. An
     interrupted call can be repeated: files without a temporary file have been renamed.
 
     Raises
@@ -535,15 +535,15 @@ def _carry_out(journals: dict[Path, _Journal]) -> None:
 
 
 def settle(folder: Path, *, is_read: bool = False) -> None:
-    """Complete the renaming of files in a directory that a killed command has begun, or remove its
-    journal if the journal is not complete.
+    """Complete the renaming of files in a directory that a killed command has started, or remove
+    its journal if the journal is not complete.
 
-    Nothing is done while the command is running, or if the directory cannot be written. With
+    This has no effect while the command is running, or if the directory cannot be written. With
     `is_read`, the command does not write to the directory.
     """
 
     def refuse() -> None:
-        """Leave the journal of a running command to it."""
+        """Raise an error, because the command of the journal is running."""
         raise BlockingIOError
 
     if not is_file(folder / _JOURNAL):
@@ -627,7 +627,7 @@ def remove_abandoned(folder: Path) -> None:
     """Remove the temporary files of terminated processes of the machine from a directory.
 
     Files of other machines remain, because this machine cannot determine if their processes still
-    run. Files that a killed command has begun to rename get their final names.
+    run. Files that a killed command has started to rename get their final names.
     """
     settle(folder)
     if is_there(folder / _JOURNAL):  # another process is renaming files
@@ -686,7 +686,7 @@ def _nearest_folder(file: Path) -> Path:
 
 
 def _make_folders(folder: Path) -> list[Path]:
-    """Create a directory and its missing parents, and return the new ones, outermost first.
+    """Create a directory and its missing parents, and return the new directories, outermost first.
 
     Directories that another process creates in the meantime are not returned, so they are not
     removed after an error.

@@ -1,4 +1,4 @@
-"""Fractiles over ground motions, by one rule in all studies and figures."""
+"""Fractiles over ground motions, by the same rule in all studies and figures."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from tdint.arrays import Array
 
 FRACTIONS = (0.16, 0.5, 0.84)
-"""Probabilities of the fractiles over ground motions: median, and one standard deviation of a
-normal distribution below and above."""
+"""Probabilities of the fractiles over ground motions: median, and a standard deviation of a normal
+distribution below and above."""
 
 
 def fractiles(values: Array, probabilities: Sequence[float] = FRACTIONS) -> Array:

@@ -37,7 +37,7 @@ class Grid:
         return f"{self.first:.12g}:{self.last:.12g}:{self.count}"
 
     def values(self) -> NDArray[np.float64]:
-        """Return the numbers, shape (count,)."""
+        """Return the values of the grid, shape (count,)."""
         import numpy as np
 
         result = np.geomspace(self.first, self.last, self.count)

@@ -70,7 +70,7 @@ def table_number(value: float, largest: float | None = None) -> str:
         The number; nan is an empty cell.
     largest : float, optional
         Largest absolute value of the column. A number that is below 0.0001 times this value is
-        written as 0. Without it, or if the number would have no digits, a number below 0.0001 is
+        written as 0. By default, or if the number would have no digits, a number below 0.0001 is
         written as "below 0.0001".
     """
     if math.isnan(value):
@@ -161,7 +161,7 @@ def parse_ratio(text: str) -> float:
 
 
 def ratio_parts(text: str) -> tuple[str, str]:
-    """Return the texts of the two numbers whose quotient is a ratio: `5%` is 5 over 100, `1/550` is
+    """Return the texts of numerator and denominator of a ratio: `5%` is 5 over 100, `1/550` is
     1 over 550, and `0.05` is 0.05 over 1.
     """
     number = text.removesuffix("%")

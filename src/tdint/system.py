@@ -125,10 +125,10 @@ def set_nonblocking(descriptor: int) -> None:
 
 def unnamed_file() -> IO[bytes]:
     """Open a temporary file without a name: in memory on Linux, elsewhere in the directory of
-    temporary files, or the null device if there is none."""
+    temporary files, or the null device without such a directory."""
     if hasattr(os, "memfd_create"):
         return os.fdopen(os.memfd_create("tdint"), "w+b")
-    from tempfile import TemporaryFile  # imported late: it takes a hundredth of a run
+    from tempfile import TemporaryFile  # imported late: a hundredth of the time of a run
 
     try:
         return TemporaryFile()
@@ -158,9 +158,9 @@ def is_trusted(file: os.stat_result, trusted_user: int) -> bool:
 def _is_protected(parent: Path, folder: Path) -> bool:
     """Return True if no other user can write to a directory or replace it by renaming.
 
-    The directory must belong to this user and must not be writable for others. Its parent may
-    belong to root, and may be writable for others if it has the sticky bit, like /tmp. Always True
-    on Windows.
+    The directory must belong to this user and must not be writable for other users. Its parent may
+    belong to root, and may be writable for all users if it has the sticky bit, like /tmp. Always
+    True on Windows.
     """
     if not hasattr(os, "getuid"):
         return True
@@ -298,7 +298,7 @@ def _mount_types_linux() -> dict[str, str]:
 def _mount_types_macos() -> dict[str, str]:
     """Return types of file systems by mount point on macOS.
 
-    The lines of `mount` are like `//guest@server/share on /Volumes/share (smbfs, nodev, nosuid)`.
+    `mount` prints lines such as `//guest@server/share on /Volumes/share (smbfs, nodev, nosuid)`.
     """
     import subprocess
 
@@ -471,7 +471,7 @@ def spawn_detached(arguments: list[str], folder: Path) -> None:
     )
     with suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, process.pid, _LOW_PRIORITY)
-        # Linux can share its time between sessions, whatever the priorities in each of them.
+        # Linux can share its time between sessions, regardless of the priorities in a session.
         Path(f"/proc/{process.pid}/autogroup").write_text(f"{_LOW_PRIORITY}\n")
     # A return code prevents the warning of `subprocess` that the process is still running.
     process.returncode = 0
@@ -520,7 +520,7 @@ def available_memory() -> float:
     space of the process (`ulimit -v`) if this is smaller.
     """
     limits = []
-    # The line of the file is like `MemAvailable:   16384 kB`.
+    # The file has a line such as `MemAvailable: 16384 kB`.
     with suppress(OSError, ValueError, IndexError), Path("/proc/meminfo").open() as lines:
         limits += [
             1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")
@@ -537,9 +537,9 @@ def available_memory() -> float:
 
 def lock_failure(file: Path) -> str | None:
     """Return the reason why a file cannot be locked, if its file system does not support locks (or
-    has none left); None if it supports locks.
+    has no free locks); None if it supports locks.
 
-    The locks of the library SQLite (`fcntl`) are tested, which differ from those of `lock`. The
+    The locks of the library SQLite (`fcntl`) are tested; `lock` uses other locks. The
     caller has no such lock, because this function would remove it.
     """
     try:
@@ -566,8 +566,8 @@ def is_at(descriptor: int, file: Path) -> bool:
 
 
 def is_special(name: str | Path) -> bool:
-    """Return True if a path is a directory, a named pipe or a device; False for a regular file and
-    if there is none. Opening a named pipe would block.
+    """Return True if a path is a directory, a named pipe or a device; False for a regular file or a
+    missing file. Opening a named pipe would block.
 
     The status is read once: another process may create or remove the file at any time.
     """
@@ -589,8 +589,8 @@ def _open_to_lock(file: Path | None) -> BinaryIO | None:
 def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
     """Lock a file during a `with` statement. The statement starts when the lock is available.
 
-    The process with the lock may remove the file at the end of the statement: processes that wait
-    for it then lock the new file of this name.
+    The process with the lock may remove the file at the end of the statement: waiting processes
+    then lock the new file of this name.
 
     Parameters
     ----------

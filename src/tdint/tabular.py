@@ -82,7 +82,7 @@ def progress_reporter(requested: bool | Progress, count: int, unit: str) -> Iter
     if not requested:
         yield lambda done, total: None
         return
-    # In a notebook without ipywidgets, tqdm warns and draws a text bar, which is sufficient.
+    # In a notebook without ipywidgets, tqdm warns and shows a text bar, which is sufficient.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -91,7 +91,7 @@ def progress_reporter(requested: bool | Progress, count: int, unit: str) -> Iter
             logging.getLogger("tdint").warning("%s; no progress bar is shown", error)
             yield lambda done, total: None
             return
-    # By default (None) tqdm draws a bar on terminals only, which excludes notebooks.
+    # By default (None) tqdm shows a bar on terminals only, which excludes notebooks.
     with tqdm.tqdm(
         total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None
     ) as bar:
@@ -109,7 +109,7 @@ class Described:
     def _headline(self) -> str:
         """Return the result in one line without the class name.
 
-        The default lists the numbers and texts of a dataclass, and the shapes of its arrays. Other
+        The default lists the scalars and texts of a dataclass, and the shapes of its arrays. Other
         attributes are omitted.
         """
         parts = []
@@ -359,8 +359,8 @@ def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]
     subpackages, at their first use.
 
     `package` is the full name of the package, such as `tdint.output.tables`. `style` is the module
-    that must be the first that imports matplotlib: it is imported before a module whose full name
-    contains `figures`.
+    that must be the first that imports matplotlib: it is imported before a module with `figures` in
+    its full name.
     """
 
     def import_on_use(name: str) -> ModuleType:

@@ -96,7 +96,8 @@ def parse_units(text: str) -> Units:
 
     Examples are `gal`, `cm/s^2` and `2.38e-6 m/s^2`. Upper and lower case, blanks, and the notation
     of the squared second (s^2, s2, s**2, s/s, sec^2) are equivalent; `g` is the standard gravity.
-    With a unit of velocity or displacement (`cm/s`, `cm`), the samples are of this quantity.
+    With a unit of velocity or displacement (`cm/s`, `cm`), the samples are velocities or
+    displacements.
 
     Raises
     ------
@@ -224,11 +225,11 @@ _LENGTH_WORDS = (
     (r"\binch(?:es)?\b", "in"),
     (r"\bf(?:oo|ee)t\b", "ft"),
 )
-"""Regular expressions of the words of units of length, and their symbols, replaced in order."""
+"""Regular expressions of names of units of length, and their symbols, replaced in order."""
 
 
 def abbreviated(text: str) -> str:
-    """Return a unit in lower case with symbols in place of the words of lengths: mm for
+    """Return a unit in lower case with symbols instead of the names of lengths: mm for
     millimeter, ft for feet."""
     for word, symbol in _LENGTH_WORDS:
         text = re.sub(word, symbol, text)
@@ -399,7 +400,7 @@ _MASS_PRODUCT = r"(?i)(\w+?)[-*. ]*s(?:\^2|2)/(\w+)"
 def _size(name: str, factors: Mapping[str, float]) -> float:
     """Return the size in SI units of a unit in another spelling, nan if it is unknown.
 
-    Only units of the quantity whose factors are `factors` are recognized.
+    Only units of the quantity with the factors `factors` are recognized.
     """
     words: Mapping[str, str] = next((words for units, words in _WORDS if units is factors), {})
     lower = abbreviated(name.strip().lower())
@@ -418,8 +419,8 @@ def unit_advice(text: str, factors: Mapping[str, float]) -> str:
     """Return the end of a message about an unknown unit: the known unit of the same size, or all
     known units.
 
-    A unit of another size is not suggested, even if its spelling is similar: with it, the results
-    would be wrong by the ratio of the sizes.
+    A unit of another size is not suggested, even if its spelling is similar: the results would be
+    wrong by the ratio of the sizes.
 
     Parameters
     ----------
@@ -518,7 +519,7 @@ class OutputUnits(NamedTuple):
         return self if self.acceleration else self._replace(acceleration="g")
 
     def column(self, name: str, unit: str) -> tuple[str, float]:
-        """Return the name of a column or key with its output unit, and the value of this unit in SI
+        """Return the name of a column or key with its output unit, and the value of the unit in SI
         units.
 
         With forces in kip, `column("peak_shear_N", "N")` is `("peak_shear_kip", 4448.22...)`. The

@@ -28,8 +28,8 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
     """Wrap a public function so that errors name the argument of a wrong type.
 
     Arguments are compared with the signature only after the function has failed, because the
-    comparison takes time. If every argument has the declared type, the failure is a bug of tdint,
-    and its exception is raised unchanged.
+    comparison is slow. If every argument has the declared type, the failure is a bug of tdint, and
+    its exception is raised unchanged.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
             return replace(result, notes=tuple(in_python(note, function) for note in notes))
         return result
 
-    # The wrapper gets the public name (`tdint.run`), by which pickle imports it.
+    # The wrapper gets the public name (`tdint.run`), because pickle imports it by name.
     wrapper.__module__, wrapper.__qualname__, wrapper.__name__ = "tdint", name, name
     return wrapper
 

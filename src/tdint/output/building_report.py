@@ -183,7 +183,7 @@ def mode_page(
     table : Table
         Modes, longest period first (`mode_table`).
     record : Record, optional
-        Ground motion of the model, whose response spectrum shows the modes.
+        Ground motion of the model; its response spectrum shows the modes.
     """
     units = page_units(units)
     modes = {column.name: values for column, values in table.by_column()}

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_COLUMNS = 10
-"""Number of columns up to which a table is not divided, whatever their width: four-digit numbers at
-8.5 pt do not wrap."""
+"""Maximum number of columns of a table that is not divided, for any width of the columns:
+four-digit numbers at 8.5 pt do not wrap."""
 
 DIGEST = "SHA-256"
 """Name of the column of SHA-256 digests, which has a small font because digests are long."""
@@ -210,7 +210,7 @@ _WIDTH = 180.0
 """Printed width of a page between the margins, mm."""
 
 _MAX_TEXT = 185.0
-"""Height of the text before the first figure, mm, up to which the figure is on the first page."""
+"""Maximum height of the text before the first figure, mm, if the figure is on the first page."""
 
 
 def _has_content(part: Part) -> bool:

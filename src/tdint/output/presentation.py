@@ -33,8 +33,8 @@ class Presentation:
     columns : callable | None
         Result -> columns of its table, instead of `table`. Without both, `rows` makes the table.
     rows : callable | None
-        (results, units) -> table with a row for each result. Only numbers whose unit is in the
-        column `unit` of their row are in these units; the caller converts the other columns.
+        (results, units) -> table with a row for each result. Only numbers with their unit in the
+        column `unit` of the row are in these units; the caller converts the other columns.
     picture : callable | None
         (results, units) -> figure.
     on_axes : callable | None
@@ -180,7 +180,7 @@ PRESENTATIONS: dict[str, Presentation] = {
 @cache
 def presentations() -> dict[str, Presentation]:
     """Return the tables and figures of all classes of results, also of studies and of the
-    assessment of methods, whose modules `tdint/__init__.py` names."""
+    assessment of methods (`tdint/__init__.py` lists these modules)."""
     return PRESENTATIONS | {
         name: known for module in Tabular._presentations() for name, known in module.items()
     }

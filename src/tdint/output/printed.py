@@ -119,7 +119,7 @@ SYMBOLS = {
 
 
 def in_print(text: str) -> str:
-    """Return the printed form of a text in a figure, with symbols in place of ASCII words such as
+    """Return the printed form of a text in a figure, with symbols instead of ASCII words such as
     omega."""
     for word, symbol in SYMBOLS.items():
         text = text.replace(word, symbol)

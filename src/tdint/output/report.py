@@ -98,8 +98,8 @@ def model_chapter(
 
 
 def _story_parts(model: Model, units: OutputUnits, base: Model | None) -> tuple[str, Table | None]:
-    """Return the properties of the stories: sentences on properties that are those of another
-    building, multiples of them, or common to all stories, and a table of the other properties.
+    """Return the properties of the stories: sentences on properties that equal the properties of
+    another building or their multiples, or are common to all stories, and a table of the rest.
 
     Additional stories, such as isolators, are below the stories of the other building.
     """
@@ -146,7 +146,7 @@ def _cells(table: Table, name: str) -> list[Cell]:
     if name not in table.columns:
         return []
     index = table.columns.index(name)
-    # A missing number (nan) differs from itself.
+    # A missing number is nan, for which != is true.
     return [
         "" if row[index] in (None, "") or row[index] != row[index] else row[index]
         for row in table.rows
@@ -154,7 +154,7 @@ def _cells(table: Table, name: str) -> list[Cell]:
 
 
 def _common_factor(cells: Sequence[Cell], of_base: Sequence[Cell]) -> str:
-    """Return the common ratio of the numbers of two columns as text; empty if the columns are equal
+    """Return the common ratio of two columns of numbers as text; empty if the columns are equal
     or have no common ratio in the digits of a report."""
     own, base = (
         [cell for cell in column if isinstance(cell, float) and cell] for column in (cells, of_base)
@@ -341,7 +341,7 @@ def run_page(
 
 def _load_chapter(model: Model, end: float, units: OutputUnits) -> Chapter:
     """Return the chapter on forces from tables until the end of the run (s): their table and
-    figure; without content if there are none."""
+    figure; without content if the model has no tables."""
     if not model.excitation.tables:
         return Chapter("Forces on floors", ())
     # Imported here, because few models have tables of forces.
@@ -354,7 +354,7 @@ def _load_chapter(model: Model, end: float, units: OutputUnits) -> Chapter:
 
 
 def _device_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
-    """Return the tables of attachments and links, without errors; empty without them."""
+    """Return the tables of attachments and links, without errors; empty without devices."""
     if response.devices is None:
         return ()
     # Imported here, because few models have attachments or links.
@@ -391,7 +391,7 @@ def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) ->
 
 
 def _pushover_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
-    """Return the figure of the base shear over the roof drift of a run beside the pushover of the
+    """Return the figure of the base shear over the roof drift of a run with the pushover of the
     building; empty if no story has yielded, without a response history, and for buildings that
     cannot be pushed."""
     model, history, stories = response.model, response.history, response.stories

@@ -330,7 +330,7 @@ def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
 
 
 def _peaks_of(response: Response) -> dict[str, float | int | None]:
-    """Return the maximum demands of a run; of rows only those that are not of stories."""
+    """Return the maximum demands of a run; of rows only demands that are not of stories."""
     result = peaks(response.stories)
     if not response.model.rows:
         return result
@@ -339,8 +339,8 @@ def _peaks_of(response: Response) -> dict[str, float | int | None]:
 
 
 def _directions(response: Response) -> dict[str, Any]:
-    """Return the peaks and errors in x and y of a run in two directions, whose `peaks` are
-    resultants."""
+    """Return the peaks and errors in x and y of a run in two directions (its `peaks` are
+    resultants)."""
     if not response.directions:
         return {}
     results = {

@@ -1,4 +1,4 @@
-"""Design spectra in the words of their code, for titles and reports."""
+"""Design spectra in the terms of their code, for titles and reports."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def schema(name: str) -> dict[str, str | int]:
 def in_units(
     content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """Convert the numbers of a summary to other units and rename their keys accordingly.
+    """Convert a summary to other units and rename its keys accordingly.
 
     Names in `columns` and `meanings` are renamed also; `settings` keep the values of the command
     line.
@@ -114,7 +114,7 @@ def in_units(
 
 
 def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
-    """Return a value of a summary, and all values in it, in output units: numbers are divided by
+    """Return a value of a summary, also nested, in output units: numbers are divided by
     `factor`. `keys` is the SI unit of the number of each key; numbers of other keys are not
     converted.
     """
@@ -176,7 +176,7 @@ def stored_summary(summary: Path) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Convert a value and all values in it for JSON: numbers have 12 significant digits, nan and
+    """Convert a value, also nested, for JSON: numbers have 12 significant digits, nan and
     infinite numbers become None, tuples become lists."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
@@ -216,7 +216,7 @@ def merged_inputs(*lists: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
 
 
 def files_read() -> list[dict[str, str]]:
-    """Return all files that the running command has read so far, with their SHA-256."""
+    """Return all files that the running command has read, with their SHA-256."""
     return [
         {"file": file, "sha256": digest} for file, digest in (INPUT_DIGESTS.get() or {}).items()
     ]

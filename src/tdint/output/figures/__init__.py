@@ -1,4 +1,4 @@
-"""Figures. Only this package imports matplotlib, and only when a figure is drawn.
+"""Figures. Only this package imports matplotlib, and only when a figure is plotted.
 
 A figure is the same on every machine: matplotlib would read settings from a file `matplotlibrc` in
 the working directory or in the home directory, and some settings start other programs

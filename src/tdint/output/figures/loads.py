@@ -19,7 +19,7 @@ _MAX_LINES = 6
 """Maximum number of forces with a color and an entry in the legend. Further forces are gray."""
 
 _SHORT, _SHORT_MARGIN, _NEGLIGIBLE = 0.1, 0.25, 1e-3
-"""Fraction of the time of a run below which only the time of the loads is drawn, the margin on both
+"""Fraction of the time of a run below which only the time of the loads is shown, the margin on both
 sides divided by this time, and the fraction of the peak below which a load is not considered."""
 
 

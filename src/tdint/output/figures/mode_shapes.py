@@ -59,7 +59,7 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
 def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     """Plot the shapes of the first modes over the floors, with their periods in the legend;
     arguments as for `mode_picture`."""
-    # The row of the roof is the last one, or is followed by attachments.
+    # The row of the roof is the last row, or is followed by attachments.
     shapes = modes.normalized(norm)[: modes.roof + 1 or None]
     floors = np.arange(len(shapes) + 1)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)

@@ -45,7 +45,7 @@ _MIN_BAND = 0.01
 """Minimum estimated error that is shown as a band, as a fraction of the maximum displacement."""
 _MIN_RESIDUAL = 0.05  # minimum residual drift that is shown, as a fraction of the peak drift
 _MIN_ENERGY = 1e-4  # minimum energy that is shown, as a fraction of the maximum input energy
-_ROUNDING = 1e-9  # relative difference up to which times or accelerations are considered equal
+_ROUNDING = 1e-9  # maximum relative difference of times or accelerations that count as equal
 _MAX_HEIGHT = 10.5  # inches; A4 with margins of 15 mm
 _MAX_NAMED = 3  # maximum number of events that the title names
 _MAX_DEVICES = 4  # maximum number of attachments and of links in a figure
@@ -149,7 +149,7 @@ def _show_strong_motion(roof: Any, energies: Any, record: Record, history: Histo
 
 
 _STRONG, _MAX_STRONG = 0.05, 0.8
-"""Fraction of a peak from which motion is strong, and the largest duration of the strong motion
+"""Minimum fraction of the peak in strong motion, and the largest duration of the strong motion
 divided by the duration of the run for which the time axis is limited."""
 
 
@@ -161,7 +161,7 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
     motion, unit = units.of(record.acceleration, "m/s^2"), units.label("m/s^2")
     time = record.time
     if end > time[-1]:
-        # The ground comes to rest within one sampling interval after the record.
+        # The ground acceleration returns to zero within one sampling interval after the record.
         time = np.append(time, [time[-1] + record.dt, end])
         motion = np.append(motion, [0.0, 0.0])
     shown = time <= end * (1.0 + _ROUNDING)
@@ -301,7 +301,7 @@ def _draw_devices(
     """Plot the strokes of attachments over time, and the forces of links (spring and dashpot) over
     their deformations, side by side in a cell of the grid.
 
-    With many attachments or links, those with the largest values are shown.
+    Of many attachments or links, only the devices with the largest values are shown.
     """
     devices, peaks, model = history.devices, response.devices, response.model
     assert devices is not None and peaks is not None
@@ -424,7 +424,7 @@ def _draw_loop(
         drift, shear = drift[order], shear[order]
     factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
     axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
-    # The forces of the elements of the story are drawn below its loop.
+    # The forces of the elements of the story are plotted below its loop.
     elements, element_force = response.elements, history.element_force
     if elements is not None and element_force is not None:
         drift = units.of(history.drift[:, story], "m")

@@ -155,7 +155,7 @@ def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
 
 
 def is_suite(results: Sequence[OverPeriods]) -> bool:
-    """Return True if results are drawn as a suite, with median and fractiles.
+    """Return True if results are plotted as a suite, with median and fractiles.
 
     This requires at least `_MIN_SUITE` ground motions and equal periods of all results.
     """
@@ -283,7 +283,7 @@ def over_periods_title(
 
 
 _Curve = tuple["Spectrum", str, dict[str, Any]]
-"""Line with its label (empty for none) and its style."""
+"""Line with its label (may be empty) and its style."""
 
 
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str]) -> list[_Curve]:
@@ -455,7 +455,7 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
         slope = units.of(units.unit("m")[1] * (2.0 * math.pi / period) ** 2, "m/s^2")
         end = min(right, top / slope)
         axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
-        # A ray ends at the right side or at the top of the panel; its label is outside of this end.
+        # A ray ends at the right side or at the top of the panel, with its label outside.
         if end == right:
             offset, horizontal, vertical = (2, 0), "left", "center"
         else:
@@ -615,7 +615,7 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
 
 
 DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_adrs}
-"""Functions that draw spectra, by the name of the axes."""
+"""Functions that plot spectra, by the name of the axes."""
 
 
 def _special_settings(spectrum: Spectrum | RotatedSpectrum) -> list[str]:

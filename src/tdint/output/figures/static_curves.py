@@ -47,9 +47,9 @@ if TYPE_CHECKING:
 
 RECORDED, COMPUTED = LIGHT, MARK
 MAX_ROWS, WORST_ROWS = 6, 4
-"""Maximum number of floors that have a row of panels each, and the number of floors with a row if
-there are more. These are then the floors with the lowest correlation; a fifth row would not fit on
-a page with the overview of all floors."""
+"""Maximum number of floors with one row of panels per floor, and the number of rows if there are
+more floors. These are then the floors with the lowest correlation; a fifth row would not fit on a
+page with the overview of all floors."""
 
 
 # ---- Figures of buildings without ground motion: cyclic tests and pushovers
@@ -176,7 +176,7 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
 def run_and_pushover_picture(
     history: History, pushed: Pushover, geometric_stiffness: float, units: OutputUnits = SI
 ) -> Figure:
-    """Plot the base shear of a run over the roof drift beside the pushover curve of the building.
+    """Plot the base shear of a run over the roof drift, with the pushover curve of the building.
 
     Both base shears are restoring forces of the first story with P-delta (`geometric_stiffness`,
     N/m, negative or 0) and without dashpots.
@@ -192,7 +192,7 @@ def run_and_pushover_picture(
     largest = max(float(np.max(np.abs(values))) for values in (shear, pushed.base_shear))
     factor, unit = scaled_unit(largest, "N", units)
     axes.plot(scale * roof, factor * shear, color=LIGHT, linewidth=0.8, label="run")
-    # The sign of the pushover is that of the larger side of the run.
+    # The pushover has the sign of the larger side of the run.
     sign = math.copysign(1.0, roof[np.argmax(np.abs(roof))])
     x, y = sign * scale * pushed.roof_displacement, sign * factor * pushed.base_shear
     axes.plot(x, y, color=MARK, label=f"pushover, {pushed.pattern} pattern")
@@ -331,7 +331,7 @@ def _draw_profile(
 
 _MIN_AMPLITUDE = 1e-4
 """Lower end of the axis of Fourier amplitudes divided by the maximum amplitude. Filters of the
-record leave smaller amplitudes, which have no meaning."""
+record produce smaller amplitudes, which have no meaning."""
 
 MOST_RECORDS = 3
 """Maximum number of records in a figure; further records are omitted."""

@@ -99,7 +99,7 @@ _METHODS = (
     *(f"scipy/{name}" for name in ("RK45", "Radau", "LSODA")),
     *("moment4 by tolerance", "impulse4 by tolerance"),
 )
-"""Methods that are often drawn together, in the order of their colors and markers. Each method of
+"""Methods that are often plotted together, in the order of their colors and markers. Each method of
 tdint in this list has a separate color."""
 _HIGHLIGHT_RATIO = 1.8  # width of the highlighted line divided by the width of the other lines
 NARROW = 31
@@ -215,7 +215,7 @@ def picture_format(suffix: str) -> str:
 
 
 def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
-    """Return an object that draws a figure and writes it to a binary stream.
+    """Return an object that creates a figure and writes it to a binary stream.
 
     The print settings of the command are checked now, before the figure is plotted.
 
@@ -251,7 +251,7 @@ _FORMULA = re.compile(r"\$\\(?:theta|beta(?:_\{\w+\})?|pm\\sigma)\$")
 
 
 def _show_names_as_written(figure: Figure) -> None:
-    """Draw the names of links, elements, files, ... in a figure as text, not as formulas, and write
+    """Show the names of links, elements, files, ... in a figure as text, not as formulas, and write
     out their control characters, which a browser obeys in SVG."""
     ticks = figure.findobj(Tick)
     labels = {label for tick in ticks for label in (tick.label1, tick.label2)}
@@ -281,7 +281,7 @@ def _save(figure: Figure, stream: BinaryIO, printed: PrintedAs, dpi: int, **save
 
 @dataclass(frozen=True)
 class Picture:
-    """Figure that is drawn when it is requested or when it is written to a binary stream.
+    """Figure that is created when it is requested or when it is written to a binary stream.
 
     Attributes
     ----------
@@ -293,7 +293,7 @@ class Picture:
     draw: Callable[[], Figure]
 
     def figure(self) -> Figure:
-        """Draw the figure with the print settings of the command, and return it.
+        """Create the figure with the print settings of the command, and return it.
 
         Notebooks show the returned figure as the result of a cell; pyplot does not manage it.
         """
@@ -313,7 +313,7 @@ class Picture:
         return figure
 
     def __call__(self, stream: BinaryIO) -> None:
-        """Draw the figure and write it to a stream."""
+        """Create the figure and write it to a stream."""
         self.save(self.figure(), stream)
 
     def save(self, figure: Figure, stream: BinaryIO) -> None:
@@ -373,7 +373,7 @@ def _settings(printed: PrintedAs) -> dict[str, Any]:
 
 
 def style_context() -> AbstractContextManager[None]:
-    """Return a context manager that sets the line settings of tdint, to draw on axes of the user.
+    """Return a context manager that sets the line settings of tdint, to plot on axes of the user.
 
     The figure of the user determines all other settings, such as font sizes and grids.
     """
@@ -383,7 +383,7 @@ def style_context() -> AbstractContextManager[None]:
 
 
 def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
-    """Set the width, the title and the font sizes of a figure that is drawn for print."""
+    """Set the width, the title and the font sizes of a figure for print."""
     width, height = figure.get_size_inches()
     if printed.width:
         # Texts need more height in a narrower figure, so that the height is reduced less.
@@ -498,8 +498,8 @@ _POINT_LABEL = "point"
 """Identifier of point labels, which are omitted if there is no space."""
 
 _MAX_GROWTH = 2.0
-"""Maximum factor of the height of a figure for wrapped text; if the panels do not fit then, they
-are too narrow."""
+"""Maximum factor of the height of a figure for wrapped text; panels that still do not fit are too
+narrow."""
 
 
 def _grow(figure: Figure) -> None:
@@ -589,7 +589,7 @@ def titled(figure: Figure, title: str) -> Figure:
 
 
 NO_BREAK_SPACE = "\u2060"
-"""Placeholder of a space at which `titled` does not break a line; `shorten` replaces U+00A0."""
+"""Placeholder of a space where `titled` does not break a line; `shorten` replaces U+00A0."""
 
 _QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.])")
 
@@ -668,7 +668,7 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
 
 def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:
     """Return the factor from an SI unit to the unit of an axis with the maximum absolute value
-    `largest` (SI), and the label of this unit, such as `kN` or `10³ kip`.
+    `largest` (SI), and its label, such as `kN` or `10³ kip`.
 
     N and J get the prefix M or k if the maximum value is then at least 1. An output unit that is
     not the SI unit gets a power of ten if the maximum value is at least `_MAX_PLAIN_NUMBER`.
@@ -728,7 +728,7 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
         sources_of_name.setdefault(name, []).append(source)
     for group in sources_of_name.values():
         for source in group if len(group) > 1 else ():
-            # `count` increases until the last parts of this path differ from the last parts of
+            # `count` increases until the last parts of the path differ from the last parts of
             # every other path with the same file name.
             parts = Path(source).parts
             others = [Path(other).parts for other in group if other != source]

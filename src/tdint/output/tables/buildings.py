@@ -274,8 +274,8 @@ MODAL_SHARE = (
 
 
 def _finite(values: Any) -> Any:
-    """Return numbers with nan, an empty cell, in place of infinity: the period and the damping
-    ratio of a mode without stiffness."""
+    """Replace infinity by nan, an empty cell: the period and the damping ratio of a mode without
+    stiffness."""
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -313,7 +313,7 @@ OVERVIEW_WITH_DAMPERS = (
     ),
     Column("complex_t1_damping", "1", "complex_damping", "damping ratio of this mode"),
 )
-"""Columns of the overview of models of which at least one has dampers."""
+"""Columns of the overview of models if at least one model has dampers."""
 
 MODE = (
     Column("mode", "1", numbered("omega"), "mode number, from the longest period"),
@@ -516,7 +516,7 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
 
 
 def _numbers_of_texts(texts: Sequence[str]) -> tuple[list[Cell], str]:
-    """Return the numbers of texts with a common unit and this unit; otherwise the texts and
+    """Return numbers and their unit from texts with a common unit; otherwise the texts and
     `TEXT`. An empty text has no number."""
     found = [re.fullmatch(r"(-?[\d.]+(?:e[-+]\d+)?)(?: (\S+))?", text) for text in texts]
     units = {match[2] or "1" for match in found if match}
@@ -527,7 +527,7 @@ def _numbers_of_texts(texts: Sequence[str]) -> tuple[list[Cell], str]:
 
 def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
     """Return the table of the attachments and links of a model: place, mass, stiffness, hysteretic
-    law and dashpot; None without them."""
+    law and dashpot; None without devices."""
     if not model.devices:
         return None
     places = [

@@ -195,7 +195,7 @@ def device_tables(response: Response) -> tuple[Table | None, Table | None]:
 
 
 def _fracture_cells(devices: DevicePeaks) -> list[tuple[Cell, ...]]:
-    """Return time and side of the fracture of each attachment and link; empty without one."""
+    """Return time and side of the fracture of each attachment and link; empty without fracture."""
     if devices.fracture_time is None or devices.fracture_drift is None:
         return [(math.nan, "")] * len(devices.stories.peak_drift)
     sides = fracture_sides(devices.fracture_drift).tolist()

@@ -45,7 +45,7 @@ COLUMNS = (
     *(*FLEXURE_COLUMNS, *FLEXURE_ERROR, *BASE_COLUMNS, *error_columns(BASE_COLUMNS)),
     *(ROW_NAME, *ROW_COLUMNS, *ROW_ERROR),
 )
-"""All columns and keys of this module."""
+"""All columns and keys of models with matrices."""
 
 
 def row_table(response: Response) -> Table:

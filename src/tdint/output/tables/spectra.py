@@ -231,7 +231,7 @@ class RecordInfo(Tabular):
 
 
 _HOUSNER = 481
-"""Number of periods of the spectrum that the Housner intensity integrates, 0.005 s apart."""
+"""Number of periods of the spectrum that the Housner intensity integrates, at steps of 0.005 s."""
 
 
 def record_info(record: AnyRecord) -> RecordInfo:
@@ -267,14 +267,13 @@ def record_info(record: AnyRecord) -> RecordInfo:
 
 
 _PREDOMINANT = (0.02, 10.0, 625)
-"""First and last period, s, and number of periods of the spectrum whose maximum is the predominant
-period. They are 1 % apart, which is finer than the width of the peaks of a spectrum with 5 %
-damping."""
+"""First and last period, s, and number of periods of the spectrum for the predominant period. Their
+steps of 1 % are finer than the width of the peaks of a spectrum with 5 % damping."""
 
 
 def _spectrum(record: Record, periods: Array) -> Spectrum | None:
-    """Return the spectrum with 5 % damping; None if the sampling interval is too long for the
-    shortest period. The user did not request it, so this is not an error."""
+    """Return the spectrum with 5 % damping; None if the shortest period requires a shorter sampling
+    interval. The user did not request it, so this is not an error."""
     try:
         return spectrum(record, periods, SA_DAMPING)
     except AnalysisError:
@@ -451,8 +450,8 @@ def _seed(origin: MotionOrigin) -> str:
 
 
 def match_origin_table(records: Sequence[Record]) -> Table:
-    """Return the table of seeds, factors, changes and misfits of the matched motions among some
-    records."""
+    """Return the table of seeds, factors, changes and misfits of all records that are matched
+    motions."""
     is_matched = [bool(record.origin and record.origin.target) for record in records]
     matched = list(itertools.compress(records, is_matched))
     heads = itertools.compress(named_components(records), is_matched)

@@ -102,8 +102,8 @@ def elements_of(name: str, index: Any) -> Callable[[Any], Any]:
 
 
 def numbered(name: str, first: int = 1) -> Callable[[Any], Any]:
-    """Return a function of a result, which returns consecutive numbers from `first`, as many as the
-    attribute `name` of the result has elements."""
+    """Return a function of a result, which returns consecutive numbers from `first`, one for each
+    element of the attribute `name` of the result."""
     return lambda result: np.arange(first, len(attrgetter(name)(result)) + first)
 
 
@@ -254,7 +254,7 @@ class Table(NamedTuple):
 
     @classmethod
     def of_units(cls, units: Mapping[str, str], rows: Iterable[tuple[Cell, ...]]) -> Table:
-        """Return a table of a report, whose columns have a unit each (or `TEXT`) and no meaning."""
+        """Return a table of a report, with a unit (or `TEXT`) for each column, and no meanings."""
         meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}
         return cls(tuple(units), list(rows), meanings)
 
@@ -280,7 +280,7 @@ class Table(NamedTuple):
     def as_dictionaries(self) -> list[dict[str, Any]]:
         """Return the rows, each as a dictionary by column; None for nan, which JSON does not
         have."""
-        # A nan differs from itself.
+        # For nan, != is true.
         return [
             {
                 name: None if cell != cell else cell
@@ -297,7 +297,7 @@ class Table(NamedTuple):
         return Table(tuple(self.columns[i] for i in indices), rows, self.meanings)
 
     def with_values(self, name: str, function: Callable[[Cell], Cell]) -> Table:
-        """Return the table with the results of a function in place of the values of a column."""
+        """Return the table with the results of a function instead of the values of a column."""
         column = self.columns.index(name)
         rows = [(*row[:column], function(row[column]), *row[column + 1 :]) for row in self.rows]
         return self._replace(rows=rows)
@@ -342,7 +342,7 @@ class Table(NamedTuple):
 
 
 PARQUET = ("a Parquet file", "parquet")
-"""Name of the feature that requires pyarrow, and the optional dependency group for it."""
+"""Name of the feature that requires pyarrow, and its optional dependency group."""
 
 
 def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]]) -> bytes:
@@ -403,7 +403,7 @@ def harmless(text: str) -> str:
 
 
 _FORMS: dict[type, str] = {float: "%.12g", int: "%d", type(None): "%.0s"}
-"""Formats of cells without texts; the last one writes nothing."""
+"""Formats of cells without texts; None is written as an empty cell."""
 
 
 def csv_bytes(rows: Iterable[Iterable[Cell]]) -> bytes:
@@ -429,7 +429,7 @@ def csv_bytes(rows: Iterable[Iterable[Cell]]) -> bytes:
         cells = tuple(row)
         line = line_of(cells)
         if "nan" in line or "-0," in line or line.endswith("-0"):
-            # Adding 0.0 removes the sign of negative zero; nan differs from itself.
+            # Adding 0.0 removes the sign of negative zero; c == c is false for nan.
             line = line_of(
                 tuple((c + 0.0 if c == c else None) if type(c) is float else c for c in cells)
             )

@@ -1,4 +1,4 @@
-"""Columns of a single result with their values, for classes whose table is defined nowhere else."""
+"""Columns of a single result with their values, for classes without another table."""
 
 from __future__ import annotations
 
