@@ -19,7 +19,7 @@ from tdint.ground_motion.record import Record
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PairRecord(Record):
-    """Ground motion along two axes, as one motion with one factor.
+    """Ground motion along two axes, as one motion with a common factor.
 
     The attributes of `Record` describe the motion along x, except the source and the component,
     which name both records.
@@ -100,7 +100,8 @@ def along_axes(pair: Horizontals, axis: float | None = None) -> PairRecord:
     Parameters
     ----------
     axis : float | None
-        Azimuth of axis x, degrees clockwise from north; None for that of the first component.
+        Azimuth of axis x, degrees clockwise from north; None for the azimuth of the first
+        component.
     """
     first, second = (pair.first, pair.second)[:: -1 if pair.exchanged else 1]
     first = replace(first, notes=(*first.notes, *pair.notes))

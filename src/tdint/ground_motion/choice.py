@@ -20,7 +20,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.files import pattern_of
 
 SAME_STEP = 1e-3
-"""Relative difference up to which two statements of the sampling interval agree."""
+"""Maximum relative difference of two statements of the sampling interval that agree."""
 
 MAX_SKIPPED_LINES = 1_000_000  # lines; maximum to skip, a larger number is an input error
 
@@ -244,7 +244,7 @@ class RecordChoice:
     quantity: str = ""
 
     def of(self, file: str) -> RecordChoice:
-        """Return the options for a file: those of the first description that contains it, its
+        """Return the options for a file, from the first description that contains it, its
         directory or a pattern of its name; otherwise these options."""
         for source, choice in self.described:
             if (

@@ -23,14 +23,14 @@ from tdint.ground_motion.record import Record
 
 SAME_CORRELATION, _EQUAL_CORRELATION = 0.97, 1.0 - 1e-6
 """Correlation of two components above which they are copies (see the docstring of the module): in
-the band, and at all frequencies for components that the band does not describe. Pulses whose
-durations differ by a tenth have 0.998, modulated sines of different phase 0.9999."""
+the band, and at all frequencies for components that the band does not describe. Pulses with
+durations that differ by a tenth have 0.998, modulated sines of different phase 0.9999."""
 
 _BAND = (0.7, 6.0)  # Hz, between the corners of the filters that processed records usually have
 
 _MIN_BAND_ENERGY = 0.1
 """Fraction of the energy of a component in the band, below which all frequencies are compared: a
-slow pulse has hardly anything else than rounding in the band."""
+slow pulse has little more than rounding errors in the band."""
 
 _MIN_INFORMATION = 4.0
 """Product of effective duration and effective bandwidth in the band, below which all frequencies
@@ -41,7 +41,7 @@ _MAX_AMPLITUDE_RATIO = 1.25
 """Ratio of the amplitudes of two components above which they are not the same motion, unless scaled
 copies are searched. The usual filters change the amplitude in the band by less."""
 
-_ENERGY_BANDS = 12  # number of parts of the band whose energies are compared first
+_ENERGY_BANDS = 12  # number of parts of the band; their energies are compared first
 
 _MAX_ENERGY_DIFFERENCE = 0.25
 """Sum of the differences of the energy fractions above which two components are not correlated. The
@@ -50,8 +50,8 @@ filtered copies above differ by up to 0.05, copies that are trimmed to 98 % of t
 
 
 def first_copies(motions: Sequence[Sequence[Record]], *, scaled: bool = True) -> list[int]:
-    """Return, for each motion, the index of the first motion of which it is a copy; its own index
-    if it is not a copy of an earlier motion.
+    """Return, for each motion, the index of the first motion that it copies; the index of the
+    motion if it is not a copy of an earlier motion.
 
     Parameters
     ----------
@@ -154,8 +154,8 @@ def _effective_number(values: Array) -> float:
 
 
 def _resampled(record: Record, step: float) -> Array:
-    """Return the samples of a component divided by the peak, at a sampling interval that is not
-    shorter than its own; linear between its samples."""
+    """Return the samples of a component divided by the peak, at an equal or a longer sampling
+    interval; linear between its samples."""
     samples = record.acceleration / record.pga
     if np.isclose(step, record.dt, rtol=1e-6, atol=0.0):
         return np.asarray(samples)

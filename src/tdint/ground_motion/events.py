@@ -16,7 +16,7 @@ _UNKNOWN_UNTIL = "1970-01-02"
 """MiniSEED files without a known time start in 1970."""
 
 _SAME_ORIGIN = timedelta(minutes=2)
-"""Maximum difference of two origin times of one event. Headers may round to a minute, and agencies
+"""Maximum difference of two origin times of an event. Headers may round to a minute, and agencies
 differ by seconds. The first aftershock of Imperial Valley 1979 in PEER files follows after 3
 min."""
 
@@ -25,7 +25,7 @@ _SAME_START = timedelta(minutes=10)
 arrive within this time at distances up to 2000 km, and strong aftershocks seldom follow so soon."""
 
 SAME_DATE = timedelta(days=1)
-"""Maximum difference of two dates of one event, because one may be local and the other in UTC."""
+"""Maximum difference of two dates of an event, because one may be local and the other in UTC."""
 
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ZONES = {"PST": -8.0, "PDT": -7.0}  # hours; all other zones that are recognized are UTC
@@ -174,7 +174,7 @@ def _time_of(match: re.Match[str]) -> datetime | None:
 
 
 def _clean_name(name: str) -> str:
-    """Return the name of an event on one line, without punctuation at its ends."""
+    """Return the name of an event on one line, without punctuation before and after."""
     return " ".join(name.split()).strip(" ,;:-(")
 
 

@@ -207,7 +207,7 @@ _TIMESERIES = rb"(?m)^TIMESERIES[^,\n]*,\s*(\d+) samples"
 
 _SH_CHANNEL = rb"(?m)^DELTA\s*:"
 _SH_COUNT = rb"(?m)^LENGTH\s*:\s*(\d+)"
-"""Patterns of the lines that a channel of a SH_ASC file states once."""
+"""Patterns of the lines that a channel of a SH_ASC file contains a single time."""
 
 _GAL = 0.01
 _PRINTED = 0.0006

@@ -39,7 +39,7 @@ _MAX_TRIMMED = 0.05
 
 
 class SingleHorizontal(RecordError):
-    """Error for a file with only one horizontal component.
+    """Error for a file with a single horizontal component.
 
     Attributes
     ----------
@@ -345,7 +345,7 @@ _ENDING = re.compile(
 _DIRECTION = re.compile(
     r"[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)", re.IGNORECASE
 )
-"""Direction in degrees at the end of a file name of any format. A number alone does not identify a
+"""Direction in degrees at the end of a file name of any format. A number is not necessarily a
 component (R001.csv), so this pattern counts only for two files at right angles."""
 
 Failure = TypeVar("Failure", bound=TdintError)
@@ -408,7 +408,7 @@ USUAL = PairNames()
 """Names used by K-NET, PEER and networks, and other usual endings."""
 
 ONE_MOTION = PairNames("{}", "{}")
-"""All files belong to one ground motion, regardless of their names."""
+"""All files belong to the same ground motion, regardless of their names."""
 
 
 def motion_name(file: str) -> str:
@@ -535,7 +535,7 @@ def files_of_motions(
 
 
 def component_in_name(file: str) -> str:
-    """Return the component that the name of a file states, also in degrees; empty without one."""
+    """Return the component in the name of a file, also in degrees; empty without a component."""
     match = _find_component(Path(file).name, in_degrees=True)
     return match["component"] if match else ""
 

@@ -37,8 +37,8 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
     shortest = min(record.dt for record in records)
     refined = []
     for record in records:
-        # With an integer ratio, each original sample is also a sample of the refined record, so
-        # that the refined record is the same motion.
+        # With an integer ratio, each original sample is also a sample of the refined record: the
+        # refined record is the same motion.
         ratio = round(record.dt / shortest)
         if abs(record.dt / shortest - ratio) > _INTERVAL_TOLERANCE * ratio:
             raise UsageError(

@@ -212,8 +212,8 @@ def integrate(record: Record) -> Motion:
     velocity, displacement = np.zeros(samples), np.zeros(samples)
     pgv = pgd = 0.0
     for block, a, b in _intervals(record):
-        # Within an interval h, the acceleration changes linearly from a to b. The velocity then
-        # changes by h (a + b) / 2, and the displacement by h v plus h^2 (2 a + b) / 6.
+        # Within an interval h, the acceleration changes linearly from a to b, the velocity changes
+        # by h (a + b) / 2, and the displacement by h v plus h^2 (2 a + b) / 6.
         v = _accumulate(velocity, block, 0.5 * h * (a + b))
         u = _accumulate(displacement, block, h * v + h * h / 6.0 * (2.0 * a + b))
         block_pgv, block_pgd = _maxima_between(u, v, a, b, h)
@@ -227,14 +227,14 @@ def integrate(record: Record) -> Motion:
 
 
 _SAME_PEAK = 1e-6
-"""Relative difference up to which a peak in a file is that of the integrated motion; files contain
-rounded numbers."""
+"""Maximum relative difference of the same peak in a file and in the integrated motion; files
+contain rounded numbers."""
 
 
 def _stored_peaks(record: Record, motion: Motion) -> tuple[float | None, float | None]:
     """Return the peak velocity and displacement of the file of a record; None for a peak that the
     file does not contain, or that is the largest sample of the integrated motion, as in a table
-    that tdint has written. The integration also finds peaks between samples.
+    that tdint has written. The integration includes peaks between samples.
     """
     pgv, pgd = (
         None
@@ -354,7 +354,7 @@ def _new_codes(records: Sequence[Record]) -> list[list[str]]:
         names = [components[index] for index in indices]
         channels = ["HNZ" if is_vertical(name) else "HN1" for name in names]
         horizontal = [name for name in names if not is_vertical(name)]
-        # With a horizontal pair, all components are channels of one station.
+        # With a horizontal pair, all components are channels of the same station.
         common_number = 0
         if channels.count("HNZ") < 2 and len(horizontal) == 2 and at_right_angles(*horizontal):
             common_number = next(numbers)
@@ -546,7 +546,7 @@ def a95(record: Record) -> float:
 
     def is_too_low(level: float) -> bool:
         """Return True if the energy below a level is less than the target, and omit the intervals
-        that are above all later levels or below all of them."""
+        that are above or below all later levels."""
         nonlocal complete
         energies = [energies_below(level, a, b) for a, b in blocks]
         is_less = complete + sum(float(np.sum(block)) for block in energies) < target
@@ -748,7 +748,7 @@ MEASURES = {
 plug-ins (`tdint.load_plugin`)."""
 
 BUILTIN_MEASURES = tuple(MEASURES)
-"""Names of the measures of tdint, which are attributes of `Measures`; plug-ins add others to
+"""Names of the measures of tdint, which are attributes of `Measures`; plug-ins add measures to
 `MEASURES` later."""
 
 

@@ -91,7 +91,8 @@ def _unparsed_versions() -> Iterator[None]:
 @contextmanager
 def _postponed_import(name: str, *, functions: bool = False) -> Iterator[None]:
     """Postpone the import of a module until one of its attributes is used. With `functions`, also
-    functions that are imported from it inside the block import the module when they are called."""
+    functions of the module that are imported inside the block import the module when they are
+    called."""
     if name in sys.modules:
         yield
         return

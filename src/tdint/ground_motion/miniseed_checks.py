@@ -8,9 +8,9 @@ After reading, the number of samples of each channel must equal the sum of the c
 headers.
 
 Steim compression (appendix B) uses frames of 64 bytes with differences of 4 to 32 bits. The first
-word of a frame has two bits for each of the 15 other words, which state the number of differences
-packed into that word. The first frame contains the first and the last sample in the two words after
-its first word.
+word of a frame has two bits for each of the remaining 15 words, which state the number of
+differences packed into that word. The first frame contains the first and the last sample in the two
+words after its first word.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ because it may result from rounding or from a different offset of the samples.""
 
 
 class Damaged(RecordError):
-    """File that contradicts itself; the message states the contradiction."""
+    """File with a contradiction, which the message states."""
 
 
 class Statement(NamedTuple):
@@ -91,7 +91,7 @@ class Statement(NamedTuple):
 
 
 def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
-    """Compare the numbers stated in the headers of a file with the data that were read.
+    """Compare numbers stated in the headers of a file with the data that were read.
 
     A difference that is explained by the rounding of the stated number is accepted. A small
     difference of a number computed from the values of samples is reported as a warning.
@@ -368,7 +368,8 @@ def _data_records(data: bytes) -> Iterator[DataRecord]:
     """Yield the headers of the data records of a MiniSEED or SEED file, in the order of the file.
     Blank blocks and the control headers of a full SEED volume are skipped.
 
-    Damaged is raised if a record is incomplete, or a header contradicts itself or its record.
+    Damaged is raised if a record is incomplete, or a header is contradictory or contradicts its
+    record.
     """
     offset, number, control_length = 0, 0, None
     # A full SEED volume starts with a volume control header, which has the type V in its byte 6.
@@ -441,7 +442,7 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     Raises
     ------
     Damaged
-        The bytes are not a header, or the header contradicts itself or the record.
+        The bytes are not a header, or the header is contradictory or contradicts the record.
     RecordError
         The record has no blockette 1000.
     """
@@ -521,8 +522,8 @@ def _nominal_rate(factor: int, multiplier: int) -> float:
 
 
 def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
-    """Return the position in a record, a power of 2, at which another record of the same channel
-    starts, bytes; None without such a record, which shows that the stated length is too large.
+    """Return the position in a record, a power of 2 in bytes, of another record of the same
+    channel; None without such a record, which shows that the stated length is too large.
     """
     # The position is a permitted record length below the stated length of the record. Bytes 8 to 19
     # of a header are the codes of its channel.
@@ -545,8 +546,8 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
     """
     chain: dict[int, int] = {}
     position, last_position = first, _FIXED_HEADER - 1
-    # The position of the next blockette is 0 after the last blockette. Positions must increase, so
-    # that the loop ends.
+    # The position of the next blockette is 0 after the last blockette. Positions must increase:
+    # otherwise, the loop would not end.
     while position:
         if position <= last_position or offset + position + 8 > len(data):
             raise Damaged(f"{where}: the positions of its blockettes are invalid")

@@ -1,5 +1,5 @@
-"""Errors of readers that the user answers: properties that a record does not state, and files that
-contain something other than a ground motion."""
+"""Errors of readers that require an option of the user: properties that a record does not state,
+and files that contain something other than a ground motion."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from tdint.units import STANDARD_GRAVITY
 class Missing(NamedTuple):
     """Properties of a record that the file does not state and that the user must specify.
 
-    A reader lists all properties together, so that a single question requests all of these
-    properties. A reader does not have the units that the user specified; the caller removes `units`
-    if these are specified.
+    A reader lists all properties together, so that a single question requests them. A reader does
+    not have the units that the user specified; the caller removes `units` if these are specified.
 
     Attributes
     ----------
@@ -23,11 +22,11 @@ class Missing(NamedTuple):
     units : str
         Likely units of the samples, which are required (`units`); empty if these are known.
     columns : tuple of str
-        Columns of which at least one is required (`column`): names, or numbers counted from 1.
+        Columns to select from (`column`, at least one): names, or numbers counted from 1.
     rows : bool
         Each line may continue the ground motion; `rows` is then the alternative to `column`.
     skip_lines : int
-        Number of lines at the beginning that must be skipped (`skip_lines`); 0 if none.
+        Number of lines at the beginning that must be skipped (`skip_lines`); may be 0.
     """
 
     step: bool = False
@@ -38,7 +37,7 @@ class Missing(NamedTuple):
 
 
 def likely_units(peak: float) -> str:
-    """Return the units of an acceleration with which its maximum is plausible."""
+    """Return the units that make the maximum of an acceleration plausible."""
     if peak <= 1.5:  # g; larger accelerations of the ground are very rare
         return "g"
     return "m/s^2" if peak <= 1.5 * STANDARD_GRAVITY else "cm/s^2"

@@ -47,7 +47,7 @@ class MotionOrigin(NamedTuple):
     seed, seed_component : str
         File and component of the record that the motion was made from.
     processing : tuple of str
-        Steps of processing; each is one sentence.
+        Steps of processing, one sentence per step.
     target : str
         Target spectrum of a matched motion; empty for a motion that was only processed.
     factor : float
@@ -245,8 +245,8 @@ def _checksum(samples: ArrayLike) -> str:
 def matched_clause(
     origins_of_records: Iterable[MotionOrigin | None], count: int, name: Callable[[str], str] = str
 ) -> str:
-    """Return a clause on the matched motions among the `count` components of a suite; empty without
-    them.
+    """Return a clause on the matched motions of a suite of `count` components; empty without
+    matched motions.
 
     For example `matched to ec8:... (seed factors 0.42 to 4.7)`. `name` is a function that returns
     the printed name of a target; by default, the target is stated as on the command line.

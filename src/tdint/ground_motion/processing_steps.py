@@ -195,10 +195,10 @@ _NARROWEST = 1e-5
 sampling rate. Below it, rounding errors and the settling time of the filter become too large."""
 
 _SETTLED = 1e-13  # relative amplitude of the filter transient after the settling time
-# Relative amplitude of the transients at both ends of the padding. The peaks of the velocity and of
-# the displacement then differ by less than 1e-4 from the peaks of a record between long zeros; with
-# 1e-4, the displacement differs by up to 1e-3 (orders 2 to 8, corners 0.05 to 0.5 Hz). For order 4,
-# the padding has 4.8 periods of the corner frequency on either side.
+# Relative amplitude of the transients at the start and end of the padding. The peaks of the
+# velocity and of the displacement then differ by less than 1e-4 from the peaks of a record between
+# long zeros; with 1e-4, the displacement differs by up to 1e-3 (orders 2 to 8, corners 0.05 to 0.5
+# Hz). For order 4, the padding has 4.8 periods of the corner frequency on either side.
 _TAIL = 1e-5
 _ROUNDING = 1e-6  # fraction of the sampling interval; times are written with at least six digits
 
@@ -223,7 +223,7 @@ def process(
     record : Record
         Record to process; it is not changed.
     trim, baseline, pad, highpass, lowpass, filter_order, resample
-        Same as in `Processing`. A single number for `pad` applies to both ends.
+        Same as in `Processing`. A single number for `pad` applies to the start and the end.
 
     Returns
     -------
@@ -421,7 +421,7 @@ def butterworth(
     ------
     RecordError
         A corner frequency cannot be represented at the sampling interval of the record, or the
-        padded record would be too long.
+        padded record would exceed the maximum length.
     """
     label = _label(record)
     if pads:

@@ -67,12 +67,12 @@ def peak_warnings(
 
 
 _MIN_SIGNED = 20
-"""Samples; a shorter motion may be of one sign by accident."""
+"""Samples; a shorter motion may have a single sign by accident."""
 
 
 def has_one_sign(samples: NDArray[Any]) -> bool:
-    """Return True if none of at least 20 samples is below zero, or none is above. Spectra, lists of
-    peaks and resultants are of one sign; zeros are not."""
+    """Return True if at least 20 samples have no value below zero, or no value above. Spectra,
+    lists of peaks and resultants have a single sign; zeros do not."""
     if samples.size < _MIN_SIGNED:
         return False
     low, high = float(np.min(samples)), float(np.max(samples))
@@ -122,7 +122,7 @@ class Record(Tabular):
     source : str
         File name as specified by the user; `-` for standard input.
     notes : tuple of str
-        Assumptions and changes made by the reader; each is one sentence.
+        Assumptions and changes made by the reader, one sentence for each.
     units : str
         Units of the samples in the file; empty for a record that was not read from a file.
     units_from : str
@@ -152,7 +152,7 @@ class Record(Tabular):
         Seed, target and changes of a motion that `tdint match` or `tdint info --export` wrote;
         None for other files.
     is_one_of_several : bool
-        The file has further channels with the name of this component, or further stations.
+        The file has further channels with the name of the component, or further stations.
     """
 
     acceleration: NDArray[np.float64]
@@ -236,8 +236,8 @@ class Record(Tabular):
 
     @property
     def written_origin(self) -> MotionOrigin:
-        """Origin of a file to which this record is written. A matched motion that is processed
-        further keeps its seed and target."""
+        """Origin of an output file of this record. A matched motion that is processed further keeps
+        its seed and target."""
         first = self.origin or MotionOrigin(self.source, self.component)
         return first._replace(processing=self.processing)
 
@@ -303,7 +303,7 @@ def masked_samples(samples: NDArray[Any]) -> int:
 
 def component_names(records: Sequence[Record]) -> list[str]:
     """Return a name for each record that distinguishes it from the other channels of its file, also
-    from those that were not read or not selected.
+    from channels that were not read or not selected.
 
     The name is the component. If several channels of a file have the same component, or the file
     has several stations, the name is the id NET.STA.LOC.CHA, or only the station code for motions

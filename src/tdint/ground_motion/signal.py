@@ -22,7 +22,7 @@ _MAX_STANDARD_ERRORS = 3.0
 exceeds it once in 370 cases."""
 
 _INTERVAL_TOLERANCE = 1e-9
-"""Relative difference up to which two sampling intervals are considered equal; it exceeds rounding
+"""Maximum relative difference of two sampling intervals that count as equal; it exceeds rounding
 errors."""
 
 _OUTSIDE = 1e-6

@@ -78,7 +78,7 @@ def read_pairs(lines: Lines, header: Header) -> Series:
     Raises
     ------
     RecordError
-        The pairs are cut off, not in a unit of acceleration, or too far from equal steps.
+        The pairs are cut off, not in a unit of acceleration, or not in equal steps.
     """
     points, units = header.field(POINTS), header.field(_UNITS)
     if not points:

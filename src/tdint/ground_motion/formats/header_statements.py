@@ -31,7 +31,7 @@ MIN_COUNT = 20
 """Smallest number that counts as a number of samples; smaller numbers are values per line."""
 
 MIN_STEP, MAX_STEP = 1e-5, 1.0
-"""Sampling intervals of accelerograms, s; other numbers are something else."""
+"""Sampling intervals of accelerograms, s; other numbers are not sampling intervals."""
 
 _LONGEST_STATEMENT = 1000
 """Characters of the longest line that states properties. The time to search a line for words may
@@ -290,7 +290,7 @@ def _stated_units(lines: Sequence[str], declared: list[str]) -> tuple[str, ...]:
         for match in pattern.finditer(line)
         if (unit := _units(match[1]))
     ]
-    # A declaration that is not a unit may continue with other words.
+    # A declaration that is not a unit may contain further text.
     known = [unit for unit in declared if motion_units(unit)]
     units += known or ([] if units else declared)
     if not units:
@@ -310,7 +310,7 @@ def _bare_units(line: str) -> list[str]:
     `cm/s2; dt = 0.01`, `dt=0.01 g` and `# [gal]`.
 
     A short unit must be a complete part of the line. A unit after a number, such as 9.81 m/s2, is
-    the unit of this number.
+    the unit of the number.
     """
     if _OTHER_VALUE.search(line):
         return []
@@ -366,7 +366,7 @@ def _convert_quantity(text: str, units: dict[str, float], quantity: str) -> floa
 
 
 def _without_repetition(intervals: Sequence[float]) -> tuple[float, ...]:
-    """Return sampling intervals without those that are equal to an earlier one."""
+    """Return sampling intervals without repetitions."""
     different: list[float] = []
     for interval in intervals:
         if not any(abs(interval - other) <= SAME_STEP * other for other in different):
@@ -375,7 +375,7 @@ def _without_repetition(intervals: Sequence[float]) -> tuple[float, ...]:
 
 
 def named_spectra(lines: Sequence[str]) -> str:
-    """Return the name of spectra in the lines of a header; empty if there is none.
+    """Return the name of spectra in the lines of a header; empty without a name.
 
     Comments are ignored, because they may name the spectrum of an accelerogram.
     """

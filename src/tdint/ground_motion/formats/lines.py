@@ -136,7 +136,7 @@ class Lines:
         return None
 
     def remaining(self) -> list[str]:
-        """Read all lines up to the end of the file, including blank and very long lines."""
+        """Read all lines up to the end of the file, also blank lines and lines of any length."""
         start, self._next = self._next, len(self._lines)
         return self._lines[start:]
 
@@ -234,7 +234,7 @@ class Lines:
         return self.checked(values, first)
 
     def table(self, rows: int, columns: int) -> NDArray[np.float64]:
-        """Read a table of `rows` rows with `columns` numbers each; return shape (columns, rows).
+        """Read `rows` rows with `columns` numbers per row; return shape (columns, rows).
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ class Lines:
         return self.checked(values, first).reshape(-1, columns).T.copy()
 
     def remaining_rows(self, columns: int) -> NDArray[np.float64]:
-        """Read all rows to the end of the file, with `columns` numbers each; return shape
+        """Read all rows to the end of the file, with `columns` numbers per row; return shape
         (columns, rows).
 
         Parameters
@@ -631,7 +631,7 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
 
 def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
     """Return the mean interval of increasing printed times, s, and the maximum departure of a time
-    or an interval from it, s; the departure is 0 if it can result from the rounding of the times.
+    or an interval, s; the departure is 0 if it can result from the rounding of the times.
     """
     rounding = last_decimal(times)
     dt = float(times[-1] - times[0]) / (times.size - 1)

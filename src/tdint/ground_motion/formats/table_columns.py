@@ -196,8 +196,8 @@ def column_index(text: str, names: tuple[ColumnName, ...], width: int) -> int:
 
 
 def _index_of_name(name: str, names: tuple[ColumnName, ...]) -> int:
-    """Return the index of the only column with a name, in upper or lower case; RecordError if there
-    is none or several.
+    """Return the index of the only column with a name, in upper or lower case; RecordError for no
+    column or several.
 
     The name is compared with the complete column names, then with the names without units, and then
     with the components.
@@ -290,7 +290,8 @@ def is_unit(text: str) -> bool:
 
 
 def spectrum_name(names: tuple[ColumnName, ...]) -> str:
-    """Return the name of a column that shows that a table contains spectra; empty if none does."""
+    """Return the name of a column that shows that a table contains spectra; empty without
+    spectra."""
     for name in names:
         if _SPECTRUM.fullmatch(_unaccented(name.plain)) or name.units == "hz":
             return name.text
@@ -390,5 +391,5 @@ def declarations(line: str) -> list[tuple[str, str]]:
 
 
 def _unaccented(text: str) -> str:
-    """Return a text with plain letters in place of letters with accents."""
+    """Return a text without accents."""
     return "".join(letter for letter in normalize("NFKD", text) if not combining(letter))

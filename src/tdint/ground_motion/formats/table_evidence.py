@@ -127,7 +127,7 @@ _NEARLY = 0.1
 
 
 def are_times(column: NDArray[np.float64]) -> bool:
-    """Return True if numbers increase, most of them by nearly the same step.
+    """Return True if numbers increase, mostly by nearly the same step.
 
     Single steps may differ: this is an error in a column of times, not evidence for samples.
 
@@ -148,7 +148,7 @@ def are_times(column: NDArray[np.float64]) -> bool:
     )
 
 
-_MAX_LONG_LINES = 20  # lines of a table whose columns are written as lines
+_MAX_LONG_LINES = 20  # lines of a table with columns that are written as lines
 _MAX_TITLE_LINES = 20  # lines above such a table
 _MIN_LONG = 20  # cells of a line; shorter lines are rows
 
@@ -211,7 +211,7 @@ def counts_rows(column: NDArray[np.float64]) -> bool:
 
 _MAX_FIRST_LINES = 4  # lines at the start of a block that may contain statements
 _SHORTEST_STEP, _LONGEST_STEP = 1e-4, 0.1
-"""Sampling intervals, s, that are recognized without a number of samples next to them."""
+"""Sampling intervals, s, that are recognized without an adjacent number of samples."""
 
 _MAX_STEP_DIGITS = 4  # significant digits of a sampling interval; most samples have more
 _JUMP = 5.0
@@ -219,8 +219,8 @@ _JUMP = 5.0
 if the first number is not a sample."""
 
 _MIN_DIGITS_EXCESS = 3
-"""Minimum number of significant digits that the samples have in addition to those of a first number
-that is no sample; one of a thousand samples ends with three zeros."""
+"""Minimum number of additional significant digits of the samples, compared with a first number that
+is no sample; one of a thousand samples ends with three zeros."""
 
 _JUMP_SAMPLES = 12  # samples that are compared with the first number
 _EQUAL = 1e-9  # relative difference of two equal numbers that are printed in different forms
@@ -254,11 +254,11 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
     """Return the statements in the first lines of a block. The first rule that applies decides:
 
     1. A number in the first lines is equal to the number of the remaining lines or values. All
-       lines up to this remainder are a header, and a number from 1e-5 to 1 in them is the sampling
-       interval. Without times, other numbers among them must not be printed like the samples,
-       unless they are the peak: a repeated line would move the start of the samples. A number of
-       samples without an interval counts only above a single column and above times, because
-       tables of nodes also start with a number.
+       lines up to this remainder are a header, and a number from 1e-5 to 1 in this header is the
+       sampling interval. Without times, other numbers of the header must not be printed like the
+       samples, unless they are the peak: a repeated line would move the start of the samples. A
+       number of samples without an interval counts only above a single column and above times,
+       because tables of nodes also start with a number.
     2. A whole number and a plausible sampling interval are no samples: the whole number is a flag
        if it is below 20, otherwise it contradicts the number of samples. `skip_lines=0` states that
        these numbers are samples.
@@ -334,8 +334,8 @@ def _number_of_samples(
 
 
 def _interval_of(steps: list[float], layout: TextLayout) -> float:
-    """Return the sampling interval among the numbers of a header: the interval that the user
-    specifies, otherwise the most plausible number."""
+    """Return the sampling interval in a header: the interval that the user specifies, otherwise the
+    most plausible number."""
     return next(filter(layout.has_step, steps), steps[0])
 
 
@@ -374,7 +374,7 @@ def _has_other_form(words: list[list[str]], used: int) -> bool:
 
 
 def _are_printed_like(row: list[str], samples: list[list[str]]) -> bool:
-    """Return True if the numbers of a row have as many decimals as numbers of the samples."""
+    """Return True if each number of a row has the number of decimals of a sample."""
     decimals = {len(word.partition(".")[2]) for later in samples for word in later}
     return all(len(word.partition(".")[2]) in decimals for word in row)
 
@@ -459,7 +459,7 @@ def doubtful_lines(
 
 def _lines_above_times(numbers: Numbers, width: int) -> int:
     """Return the number of first lines without which the first column of a table contains times in
-    equal steps; 0 if the complete table has such times, or none."""
+    equal steps; 0 if the complete table has such times, or no times."""
     ends = numbers.line_ends
     for used in range(min(_MAX_FIRST_LINES, numbers.widths.size - _MIN_TIMES) + 1):
         rest = numbers.values[ends[used] :]
@@ -475,7 +475,8 @@ def _lines_above_times(numbers: Numbers, width: int) -> int:
 @np.errstate(over="ignore")  # samples up to 1.8e308
 def _lines_above_samples(table: NDArray[np.float64]) -> int:
     """Return the number of first rows up to the last row that is as large as the peak of all rows
-    below it, and does not continue to the next row, in all columns of a table; 0 if there is none.
+    below it, and does not continue to the next row, in all columns of a table; 0 without such a
+    row.
     """
     for used in range(min(_MAX_FIRST_LINES, len(table) - _JUMP_SAMPLES), 0, -1):
         first, samples = table[used - 1], table[used:]
@@ -547,7 +548,7 @@ def _question(
 ) -> IncompleteRecord:
     """Return the question whether the first lines of a block contain parameters or samples.
 
-    `reason` is a predicate of the last of these lines, whose first line has this number.
+    `reason` is a predicate of the last of these lines. The first line has the number `number`.
     """
     last = number + used - 1
     text = " ".join(words[used - 1])[:60]
@@ -581,8 +582,8 @@ def _check_form(block: NumberBlock, numbers: Numbers) -> None:
 
 
 def is_index_row(words: list[list[str]]) -> bool:
-    """Return True if the first row contains the numbers of the columns, counted from 0 or 1, in
-    place of values."""
+    """Return True if the first row contains column numbers, counted from 0 or 1, instead of
+    values."""
     first = words[0]
     if len(first) < 2 or not all(map(_WITHOUT_POINT.fullmatch, first)):
         return False

@@ -1,4 +1,4 @@
-"""Rows of numbers in the text of a table: the forms in which programs write a table, as one form.
+"""Rows of numbers in the text of a table, converted to a common form from the forms of programs.
 
 A row may end with separators, a backslash or a bracket (lists of Tcl, Python and MATLAB), may be
 enclosed in quotation marks, and may contain cells with dates, times of day or words. The rows that
@@ -280,7 +280,7 @@ _QUOTES = " \t\"'"
 
 
 def _without_text_columns(texts: list[str]) -> tuple[list[str], frozenset[int]]:
-    """Return the lines of a table with numbers in place of the cells of text columns, and the
+    """Return the lines of a table with numbers instead of the cells of text columns, and the
     indices of the columns that are not a time.
 
     Lines without such cells are unchanged, and also all lines if the table has no text columns.
@@ -321,7 +321,7 @@ def _without_text_columns(texts: list[str]) -> tuple[list[str], frozenset[int]]:
 
 
 def _is_plain_row(text: str) -> bool:
-    """Return True if a line is a row of numbers where no cell is empty."""
+    """Return True if a line is a row of numbers without empty cells."""
     row = text.rstrip(_BLANKS)
     return (_is_row(row) and not _EMPTY_CELL.search(row)) or bool(_row_of_list(row)[0])
 
@@ -341,8 +341,8 @@ def _is_number(cell: str) -> bool:
 
 
 def _seconds(rows: Sequence[Sequence[str]]) -> list[float] | None:
-    """Return the times of day in rows of text cells, s from the first row; None if a row has none,
-    or if the times do not increase."""
+    """Return the times of day in rows of text cells, s from the first row; None if a row has no
+    time, or if the times do not increase."""
     moments = []
     for cells in rows:
         text = " ".join(cells)
@@ -418,7 +418,7 @@ def _words_per_line(text: str) -> NDArray[np.int64]:
 
 
 def _with_blanks(lines: list[str]) -> str:
-    """Return the text of rows with blanks in place of separators and points in place of decimal
+    """Return the text of rows with blanks instead of separators and points instead of decimal
     commas; separators and commas remain if a cell is empty."""
     joined = "\n".join(lines)
     marks = [mark for mark in _SEPARATORS if mark in joined]

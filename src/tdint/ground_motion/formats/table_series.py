@@ -52,7 +52,7 @@ class TableColumns:
     ignored : frozenset of int
         Indices of columns that contain text or line numbers.
     one_sided : bool
-        The user states that samples of one sign are a ground motion.
+        The user states that samples of equal sign are a ground motion.
     """
 
     columns: list[NDArray[np.float64]]
@@ -107,7 +107,7 @@ def incomplete(
     reason: str, table: TableColumns, layout: TextLayout, missing: Missing
 ) -> IncompleteRecord:
     """Return the error for a table that requires properties, with all properties that are missing;
-    `reason` explains those in `missing`."""
+    `reason` explains the properties in `missing`."""
     stated = table.stated
     lacks_step = not (stated.intervals or layout.step or table.time is not None)
     has_units = len(stated.units) == 1 or any(quantity_of_units(name.units) for name in table.names)
@@ -276,7 +276,7 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
 
 
 _SMALL_UNITS = {1e-3: "ms", 1e-6: "us"}
-"""Units, s, of times whose step in seconds would be longer than any sampling interval."""
+"""Units, s, of times with a step that would be longer, in seconds, than any sampling interval."""
 
 
 def _scale_of_times(table: TableColumns, layout: TextLayout) -> float:

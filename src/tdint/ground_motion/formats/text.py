@@ -8,7 +8,7 @@ the largest block follows from evidence, in this order:
 2. a column of times: it is named as a time, or its values increase by equal steps;
 3. the number of samples in the header: it is the number of values (rows of samples) or the number
    of lines (columns);
-4. the answer of the user (`TextLayout.rows`, `TextLayout.column`);
+4. the options of the user (`TextLayout.rows`, `TextLayout.column`);
 5. the continuity of the values (`table_evidence.continuity`).
 
 Otherwise the user is asked (`tdint.ground_motion.missing`). All numbers of a file are used or
@@ -384,8 +384,7 @@ def _with_separate_first_lines(
 
 
 def _without_cards(block: NumberBlock, numbers: Numbers, names: Names) -> Numbers:
-    """Return the numbers without the numbers of the lines (of cards) at the ends of the lines, with
-    a warning."""
+    """Return the values without line numbers (of cards) at the end of each line, with a warning."""
     if names or int(numbers.widths.min()) < 2 or not has_card_numbers(block, numbers):
         return numbers
     note = "the last number of each line is the number of the line and is not read"
@@ -394,7 +393,7 @@ def _without_cards(block: NumberBlock, numbers: Numbers, names: Names) -> Number
 
 
 def _without_filling(numbers: Numbers, stated: Statements) -> Numbers:
-    """Return the numbers without zeros that fill the last row after the stated number of samples,
+    """Return the samples without zeros that fill the last row after the stated number of samples,
     with a warning."""
     width, total = int(numbers.widths[-1]), numbers.values.size
     counts = [n for n in stated.counts if is_filled(numbers.values, n, width)]
@@ -440,7 +439,7 @@ _FEW_LINES = 3  # lines that text may have replaced
 def _check_surroundings(
     blocks: list[NumberBlock], main: int, below: list[str], stated: Statements, numbers: Numbers
 ) -> None:
-    """Raise RecordError if lines around the samples are neither a header nor explained by it.
+    """Raise RecordError if lines around the samples are no header and not explained by a header.
 
     Otherwise a line of text or a damaged number would split the samples, and a part of the ground
     motion would be lost without a message.
@@ -532,7 +531,7 @@ def _check_decimal_points(block: NumberBlock, numbers: Numbers, skipped: int) ->
         return
     rows = [_SEPARATORS.split(line.strip(" \t,;"))[skipped:] for line in block.lines]
     decimals = {len(word.partition(".")[2]) for row in rows for word in row if "." in word}
-    # With one decimal only, the words may also be written without zeros at their ends.
+    # Numbers with a single decimal may also be written without final zeros.
     has_zeros = any(map(_ENDS_WITH_ZERO.search, block.lines))
     if len(decimals) != 1 or (decimals == {1} and not has_zeros):
         return
@@ -635,7 +634,7 @@ _NO_EVIDENCE = {2: "no times, no number of samples"}
 def _time_and_ignored(
     numbers: Numbers, names: Names, ignored: frozenset[int], layout: TextLayout
 ) -> tuple[int | None, frozenset[int]]:
-    """Return the index of the column of times, None if there is none, and the indices of columns of
+    """Return the index of the column of times (None without times) and the indices of columns of
     text or line numbers.
 
     A name or a unit of time shows the times. Otherwise, the first column that does not number the

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from zipfile import ZipFile, ZipInfo
 
 MAX_FILE_BYTES = MOST_BYTES
-"""Maximum size of a record file, bytes; reading needs about six times as much memory."""
+"""Maximum size of a record file, bytes; reading needs about six times this memory."""
 
 _ZIP_SIGNATURE = b"PK\x03\x04"  # first bytes of every zip file that is not empty
 _MAX_ARCHIVE_FILES = 2000  # files in a zip file; suites of ground motions have tens to hundreds
@@ -82,7 +82,7 @@ _SPREADSHEET_MEMBERS = ("xl/workbook.xml", "xl/workbook.bin", "META-INF/manifest
 _OLE_SIGNATURE = b"\xd0\xcf\x11\xe0"  # first bytes of a spreadsheet in the form .xls
 
 _END_OF_TEXT = rb"\x1a[\x1a\s]*\Z"
-"""Pattern of the mark ^Z with which DOS programs end a text file."""
+"""Pattern of the mark ^Z at the end of text files of DOS programs."""
 
 _HEADER_BYTES = 4096  # bytes at the start of a file that are searched for the name of its content
 
@@ -213,8 +213,8 @@ def _is_visible_file(entry: ZipInfo) -> bool:
 
 
 def _parts(entry: ZipInfo) -> list[str]:
-    """Return the directories and the name of an entry. A path that leaves the archive is read as if
-    it did not, because nothing is written."""
+    """Return the directories and the name of an entry. The parts `..` of a path are ignored,
+    because no files are written."""
     return [part for part in entry.filename.split("/") if part not in ("", ".", "..")]
 
 
@@ -256,7 +256,7 @@ class Plugin(NamedTuple):
 
 
 class _Recognized(NamedTuple):
-    """File whose format has been recognized.
+    """File with a recognized format.
 
     Attributes
     ----------
@@ -536,12 +536,12 @@ starts with a zero or has several digits before its exponent."""
 
 _NUMBER_ROW = rb"[-+,;\dEeDd\s]*\d[-+,;\dEeDd\s]*"
 _MIN_COMMA_ROWS = 5  # rows of numbers; fewer are no evidence
-_MIN_SIGNED_ROWS = 20  # rows; second integers of a motion would have a sign in one of so many
+_MIN_SIGNED_ROWS = 20  # rows; second integers of a motion would have a sign in one of these rows
 _MIN_DECIMALS = 8  # different numbers after a comma; fewer may be flags
 
 
 def _with_decimal_points(data: bytes) -> bytes:
-    """Return the content of a text file with decimal points in place of decimal commas.
+    """Return the content of a text file with decimal points instead of decimal commas.
 
     Without this, a comma would separate the integer from the decimals of a sample. A file has
     decimal commas if its rows of numbers contain no point and at most one comma in each number,

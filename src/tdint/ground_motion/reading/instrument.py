@@ -43,7 +43,7 @@ of 241 accelerometers agree within 1e-4."""
 
 _CORNER_FACTOR = 2.0
 """Maximum factor between the response and the stated sensitivity of a sensor of velocity or
-displacement whose gains agree. The sensitivity may be stated near the corner frequency of the
+displacement with gains that agree. The sensitivity may be stated near the corner frequency of the
 sensor (factors from 0.81 to 1.6 in public files)."""
 
 _STOPPED = 0.8

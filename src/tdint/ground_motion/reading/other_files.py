@@ -1,6 +1,6 @@
-"""Files of directories and archives that are no separate ground motion: documents and tables beside
-the records, and the velocity, the displacement or the uncorrected acceleration of a motion with an
-acceleration that is in another file."""
+"""Files of directories and archives that are no separate ground motion: documents and tables next
+to the records, and the velocity, the displacement or the uncorrected acceleration of a motion with
+an acceleration that is in another file."""
 
 from __future__ import annotations
 
@@ -77,14 +77,14 @@ _METADATA = re.compile(
 
 _MIN_METADATA = 3  # names; a table of samples may have a column of the station or of the peak
 _MAX_NAME_LINE = 30  # lines above the table
-_MIN_RECTANGULAR = 0.8  # fraction of the lines with as many cells as names
+_MIN_RECTANGULAR = 0.8  # fraction of the lines with one cell for each name
 
 
 def metadata_names(data: bytes) -> list[str]:
     """Return the names of metadata in the header of a table of records; empty for other files.
 
-    At least three columns must be named so, and the lines below must have as many cells as the
-    line of the names: metadata above the samples of a record are no such table.
+    At least three columns must have such names, and the lines below must have the same number of
+    cells as the line of the names: metadata above the samples of a record are no such table.
     """
     lines = data[: 16 * _START].decode("utf-8", "replace").splitlines()
     rows = [line for line in lines if line.strip(" \t,;")]
@@ -117,7 +117,7 @@ _NUMBER_WORD = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[EeDd][-+]?\d+)?[a-z%
 
 
 def has_few_numbers(data: bytes) -> bool:
-    """Return True if a text has fewer than 20 numbers in rows, whatever separates the numbers.
+    """Return True if a text has fewer than 20 numbers in rows, with any separators.
 
     A row has at least as many numbers as other words, and starts with a number unless it has
     several: `0.01 g` and `t=0.1 a=0.2` are rows, `Depth: 5 km` and `Event 3 at noon` are not. The

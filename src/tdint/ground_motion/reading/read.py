@@ -580,7 +580,7 @@ def _without_exported_integrals(channels: Sequence[_Channel], requested_id: str)
 
 
 def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
-    """Return the only channel that a name selects; RecordError if there is none or several.
+    """Return the only channel that a name selects; RecordError for no channel or several.
 
     The name is compared with the channel codes, then with the ids, the stations (for example floor
     F04) and the labels. If it is a single letter, it is then compared with the last characters of
@@ -609,9 +609,9 @@ def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -
 
 
 def _unambiguous_names(channels: Sequence[_Channel], others: Sequence[_Channel] = ()) -> str:
-    """Return names that distinguish the channels, also from others of the file, for messages: their
-    codes if these are unique, otherwise their stations, ids, or labels (with the file of an
-    archive)."""
+    """Return names that distinguish the channels, also from other channels of the file, for
+    messages: their codes if these are unique, otherwise their stations, ids, or labels (with the
+    file of an archive)."""
     for name_of in (attrgetter("code"), lambda channel: station_of(channel.id), attrgetter("id")):
         names = [name_of(channel) for channel in others or channels]
         if len(set(names)) == len(names) and all(name.strip(".") for name in names):
@@ -631,7 +631,8 @@ def _to_record(
 ) -> Record:
     """Convert a channel to a record with an acceleration in m/s^2.
 
-    `choice` states the quantity that its samples must have, and whether they may be of one sign.
+    `choice` states the quantity that its samples must have, and whether they may all have the
+    same sign.
 
     The instrument response is removed if an inventory is specified and the units of the samples are
     not known from the user or from the file. Warnings are stored in the record and logged.

@@ -5,7 +5,7 @@ A MiniSEED file with the location code SI was exported by tdint and is in m/s^2.
 SV and SD are its velocity (m/s) and displacement (m).
 
 MiniSEED has no field for units. A name of the form of ESM and ITACA (`.ACC.MP.mseed`), or with the
-word velocity or displacement, shows the quantity of the samples, and the user is asked for their
+word velocity or displacement, shows the quantity of the samples, and the user must specify their
 units.
 
 One assumption is made about units: floating-point MiniSEED of an accelerometer is in m/s^2. ObsPy
@@ -38,9 +38,9 @@ _DIFFERENTIATION_NOTE = "amplitudes above a tenth of the sampling rate are under
 (sin x / x, x = 2 pi / 10) and 3 % for a displacement."""
 
 _SPLINE_NOTE = "its acceleration is that of a cubic spline through the displacements"
-_MIN_SPLINE_SAMPLES = 4  # a cubic spline without conditions at its ends needs four points
+_MIN_SPLINE_SAMPLES = 4  # a cubic spline without boundary conditions needs four points
 _REST = 0.01
-"""Fraction of the peak velocity of the ground up to which it starts at rest; the building would
+"""Maximum initial velocity of a ground that starts at rest, over its peak; the building would
 otherwise have a relative velocity that changes its response visibly."""
 
 _MIN_SAMPLES = {"velocity": 3, "displacement": 3}  # minimum number of samples for differentiation
@@ -327,8 +327,8 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
 
 
 def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> tuple[NDArray[Any], list[str]]:
-    """Return the acceleration, linear between the samples, whose ground motion has a displacement
-    (m) or velocity (m/s) at all samples, m/s^2, and notes on its start.
+    """Return the acceleration, m/s^2, linear between the samples, of the ground motion with given
+    displacements (m) or velocities (m/s) at all samples, and notes on its start.
 
     The displacement is then a cubic spline through the samples. The error of a frequency w is of
     the order (w dt)^4, and (w dt)^2 for second differences.
@@ -434,7 +434,7 @@ the type of processing (manual, converted or automatic)."""
 _WORDS = re.compile(
     r"(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])", re.IGNORECASE
 )
-"""Words for the velocity and the displacement in the name of a file."""
+"""Abbreviations of velocity and displacement in the name of a file."""
 
 _MAX_VELOCITY, _MAX_DISPLACEMENT = 10.0, 30.0
 """m/s and m; three times the maximum velocity and displacement of the ground ever recorded (3.2 m/s

@@ -63,7 +63,7 @@ class Sources(NamedTuple):
     are_named: bool
 
     def count_notes(self, used: int) -> tuple[str, ...]:
-        """Return a note on the number of files from which ground motions are used; no note
+        """Return a note on the number of files with ground motions that are used; no note
         about a single file, or if the user has named each file and all are used."""
         if self.found == 1 or (self.are_named and used == self.found):
             return ()
@@ -307,8 +307,8 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
 
 
 def _verticals_by_name(records: Sequence[Record]) -> list[str]:
-    """Return the files of records without a component whose names state a vertical component, and
-    differ only in the component from the name of another file (x_Z.csv, x_N.csv)."""
+    """Return the files of records without a component that have the name of a vertical component,
+    and differ only in the component from the name of another file (x_Z.csv, x_N.csv)."""
     sources = [record.source for record in records]
     verticals, motions_of_horizontals = {}, set()
     for record, motion in zip(records, motion_names(sources), strict=True):
