@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 _BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Building.fastest`)
 _MAX_LISTED_STORIES = 5  # maximum number of stories named in a message
-_BEYOND_YIELD = 1.1  # drift, in yield drifts, at which an undeclared stiffness is measured
+_BEYOND_YIELD = 1.1  # drift, in yield drifts, of the measurement of an undeclared stiffness
 _SMALL_ORDINATE = 1e-9  # added to the ordinates of a mode with maximum 1, to avoid zeros
 
 
@@ -136,7 +136,7 @@ class Building:
 
     @property
     def device_signs(self) -> Array:
-        """Signs of the deformations of attachments and links: -1 for a link whose end is below its
+        """Signs of the deformations of attachments and links: -1 for a link that ends below its
         start, otherwise 1."""
         return np.array([*(1.0 for _ in self.attachments), *(link.sign for link in self.links)])
 
@@ -196,8 +196,8 @@ class Building:
 
     @cached_property
     def law_codes(self) -> set[float]:
-        """Numbers of all laws: of the stories with a single law, and of the elements of the
-        others.
+        """Numbers of all laws: of the stories with a single law, and of the elements of the other
+        stories.
         """
         codes = np.delete(self.law_parameters[rows.CODE], self.stories, axis=-1)
         # Without np.unique, which imports the masked arrays of NumPy.
@@ -237,7 +237,7 @@ class Building:
 
     @property
     def has_damper_state(self) -> bool:
-        """True if a damper has variables of its own: with a brace or tangent damping."""
+        """True if a damper has state variables: with a brace or tangent damping."""
         return self.braced or self.tangent_damped
 
     @property
@@ -326,8 +326,8 @@ class Building:
 
     @cached_property
     def resistance_limits(self) -> tuple[Array, Array]:
-        """Maximum and minimum drift of each story beyond which it has no resistance, m, shape (n,);
-        infinite without such a drift."""
+        """Maximum and minimum drift of each story with resistance, m, shape (n,); infinite without
+        a limit."""
         stories = range(self.stories)
         return (
             np.array([self._resistance_limit(i, 1.0) for i in stories]).T,
@@ -335,7 +335,7 @@ class Building:
         )
 
     def _resistance_limit(self, i: int, side: float) -> Any:
-        """Return the drift on a side beyond which a story has no resistance, m.
+        """Return the maximum drift on a side, m, at which a story has resistance.
 
         The last lines of its law, or of all its elements, and P-delta have no force together at
         that point. It is infinite if no line falls, or if a law has no last line.
@@ -562,8 +562,8 @@ def _without_links(linear_terms: Array, values: Array, stiffness: Array | None =
 
 
 def over_stories(numbers: Iterable[Any]) -> Array:
-    """Return the numbers of stories, which can be arrays over samples, as an array with the stories
-    as the last axis."""
+    """Return one value per story, which can be arrays over samples, as an array with the stories as
+    the last axis."""
     items = list(numbers)
     if any(isinstance(item, np.ndarray) for item in items):
         return np.stack(np.broadcast_arrays(*items), axis=-1)
@@ -577,13 +577,13 @@ def assemble(model: Model, samples: tuple[int, ...] = ()) -> Building:
     ----------
     samples : tuple of int
         Number of the samples of a model with arrays over samples (`Model.changed`): a chain of
-        stories with one law each, without isolators, fractures and tangent damping.
+        stories with a single law, without isolators, fractures and tangent damping.
 
     Raises
     ------
     ModelError
         P-delta exceeds the stiffness of a story, or a law that can fall has damping with the
-        tangent stiffness; or the model has two directions, and is not of one of them.
+        tangent stiffness; or the model has two directions, and no direction is selected.
     """
     if model.across is not None:
         raise ModelError(
@@ -606,8 +606,8 @@ def assemble(model: Model, samples: tuple[int, ...] = ()) -> Building:
 def _with_inerters(building: Building, model: Model) -> Building:
     """Return a linear building with the matrices of the inerters of a model.
 
-    The inerter of a story or link acts on its deformation, that of an attachment on its motion
-    relative to the ground. Damping and loaded masses are those of the building without inerters.
+    The inerter of a story or link acts on its deformation, the inerter of an attachment on its
+    motion relative to the ground. Damping and loaded masses do not include inerters.
     """
     # Imported here, because few models have inerters.
     from tdint.model.linear_system import LinearSystem, MatrixVibration
@@ -751,7 +751,7 @@ def _assemble_linear(model: Model) -> Building:
 def law_columns(stories: Sequence[Story]) -> list[range]:
     """Return the columns of the springs of each story in the table of the laws.
 
-    The springs are those of `Story.springs`: a story with a single law has the column of the story,
+    The springs are `Story.springs`: a story with a single law has the column of the story,
     and the elements of the other stories follow after the column of zeros.
     """
     columns, end = [], len(stories) + 1
@@ -925,7 +925,7 @@ def stiffness_after_yield(story: Story) -> float:
 
     It is infinite for a law that does not yield. The stiffness of a story with elements is the sum
     after all elements that yield have yielded; the other elements keep their initial stiffness.
-    Before the last of them yields, the story can be stiffer.
+    Before the last element yields, the story can be stiffer.
     """
     yields, total = False, 0.0
     for spring, yield_drift in zip(story.springs, element_yield_drifts(story), strict=True):

@@ -83,8 +83,7 @@ class DamageStates:
     states : tuple of str
         Names of the states, from the lightest to the most severe.
     medians : tuple of float
-        Demand at which half of the buildings are in the state or a more severe state, SI units,
-        increasing.
+        Demand with half of the buildings in the state or a more severe state, SI units, increasing.
     dispersion : float
         Standard deviation of the logarithm of the demand; 0 if the medians are thresholds.
     losses : tuple of float

@@ -30,10 +30,10 @@ def has_tangent_damping(damping: Damping) -> bool:
 
 
 def falling_spring(story: Story) -> Element | None:
-    """Return the first spring of a story whose tangent stiffness can be negative, if any.
+    """Return the first spring of a story that can have a negative tangent stiffness, if any.
 
-    The tangent stiffness of such a story cannot be used for damping. Where a law loses its force at
-    once, as at a fracture, the damping force is not even defined. A plug-in law may not declare
+    The tangent stiffness of such a story cannot be used for damping. Where the force of a law drops
+    to zero, as at a fracture, the damping force is not even defined. A plug-in law may not declare
     that it falls; its force is then followed on a path of drifts.
     """
     for spring in story.springs:

@@ -34,15 +34,15 @@ if TYPE_CHECKING:
 
 class RayleighRatio(NamedTuple):
     """Rayleigh damping through the damping ratios of two modes, or damping proportional to the
-    stiffness through the ratio of one mode.
+    stiffness through the ratio of a single mode.
 
     Attributes
     ----------
     ratios : tuple of float
         Damping ratio in each of the modes, in [0, 1).
     modes : tuple of int
-        Two different modes, or one, counted from 1. If both are 1 (a building with one story), the
-        mode has the first ratio, one half from the mass and one half from the stiffness.
+        Two different modes, or a single mode, counted from 1. If both are 1 (a building with one
+        story), the mode has the first ratio, half from the mass and half from the stiffness.
     tangent : bool
         True if the damping follows the tangent stiffness of the stories.
     """
@@ -285,7 +285,7 @@ class Matrices:
     damping : ndarray
         C, N s/m; empty for the damping of the model.
     influence : tuple of float
-        r: displacements of the rows for a unit displacement of the ground; empty for ones.
+        r: displacements of the rows for a unit displacement of the ground; empty if all are 1.
     base : tuple of float
         Stiffness of the springs under flexural stories for rotation and translation, N m/rad and
         N/m; infinite for a fixed base.
@@ -382,7 +382,7 @@ class Model:
     varied_parameters : tuple of (str, float)
         Names and values of the parameters that `replace` has changed.
     label : str
-        Name of this variation of the building.
+        Name of the variation of the building.
     damage : DamageStates | None
         Damage states of the building.
     plausibility_off : str
@@ -391,7 +391,7 @@ class Model:
     limits : tuple of Limit
         Limits of demands, in the order of the file.
     weight_factor : float
-        Factor by which the masses are too large if the values of the key `mass` are weights in the
+        Masses of the model over the true masses if the values of the key `mass` are weights in the
         unit of force of the file; 1 if the file specifies weights or derives the stories.
     force_unit : str
         Unit of force of the file.
@@ -408,7 +408,8 @@ class Model:
         Model of direction y, if the file has two directions; all other attributes then describe
         direction x. If the ground motion of x has two components, y has no ground motion.
     axis_azimuth : float | None
-        Azimuth of axis x, degrees clockwise from north; None for that of the first component.
+        Azimuth of axis x, degrees clockwise from north; None for the azimuth of the first
+        component.
     """
 
     name: str
@@ -500,7 +501,7 @@ class Model:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """Names of the rows of a model whose rows are not floors; empty for a building."""
+        """Names of the rows of a model with rows that are not floors; empty for a building."""
         return self.matrices.names if self.matrices else ()
 
     @property

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tdint.csv_table import CsvTable
 
 # ---- Text of a first model file: a building that can be run without changes, with comments that
-# state what to replace
+# state the values to replace
 
 _HARDENING = "3%"
 _BASE_SHEAR = 0.2
@@ -408,7 +408,7 @@ _MIN_POINTS = 4
 
 # Drifts in the fits are relative to the maximum drift of the curve, shears to the maximum shear.
 _START_DRIFTS = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Relative drifts from which the search for the corners of a law starts."""
+"""Initial relative drifts of the search for the corners of a law."""
 
 _LINE_POINTS = 51
 """Number of points with equal distances on the line through the points of a curve."""
@@ -521,8 +521,8 @@ def fit_story(story: int, drift: Array, shear: Array, law_type: str) -> CurveFit
     # Relative values make the search independent of the units. It starts from several drifts,
     # because the sum of squares has several minima.
     relative_drift, relative_shear = drift / max_drift, shear / max_shear
-    # Between distant points, the curve is a straight line: without points on it, a corner of the
-    # law between two points of the curve could have any force.
+    # Between distant points, the curve is a straight line: without points on this line, a corner of
+    # the law between two points of the curve could have any force.
     line = np.linspace(0.0, 1.0, _LINE_POINTS)[:-1]
     ends = np.searchsorted(relative_drift, line, side="right")
     is_distant = np.diff(relative_drift, prepend=0.0)[ends] > 1.5 / _LINE_POINTS
@@ -615,7 +615,7 @@ def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbe
         same drift would be a jump of the force.
         """
         ordered = np.sort(np.clip(tried, min_drift, 1.0))
-        # The maxima leave the minimum distance to the later points, the last point is at 1.
+        # The maxima keep the minimum distance to the later points, the last point is at 1.
         maximum = 1.0 - _MIN_DISTANCE * np.arange(3, 0, -1)
         return np.append(np.minimum(ordered + _MIN_DISTANCE * np.arange(3), maximum), 1.0)
 

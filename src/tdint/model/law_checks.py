@@ -38,7 +38,7 @@ _POINTS_PER_SEGMENT = 8
 
 _DECADES = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 """Sizes of paths, m, from the drift at first cracking of a stiff wall to drifts that no story
-reaches. At least one of the paths is then long enough to leave the first branch of a law."""
+reaches. At least one of the paths is then long enough to exceed the first branch of a law."""
 
 _YIELD_MULTIPLES = (0.3, 3.0, 20.0)
 """Sizes of paths divided by the drift at first yield: an elastic path, and paths with moderate and

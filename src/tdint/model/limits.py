@@ -109,7 +109,7 @@ class Limit:
         ]
 
     def applies_to(self, demands: Array) -> tuple[Array, NDArray[np.int64], Array]:
-        """Return the demands with a limit, the numbers of their places, from 1, and the limits.
+        """Return the demands with a limit, their places, counted from 1, and the limits.
 
         The last axis of `demands` is the story, floor, attachment or link.
         """
@@ -276,8 +276,8 @@ def check_demands(
 
     `requested` is a drift limit that is used instead of the limits of the model, or the name of a
     performance level of the model. Heights are nan for isolators. If the building collapsed, or has
-    no result, under a motion (`has_failure`), no limit is met. `unacceptable` is the number of
-    accepted motions of this kind (`design_demands`).
+    no result, under a motion (`has_failure`), no limit is met. `unacceptable` is the number of such
+    motions that are accepted (`design_demands`).
 
     Raises
     ------
@@ -369,7 +369,7 @@ def chosen_limits(
             "a limit must be a positive drift ratio, such as 0.02, or the name of a performance "
             f"level, got {requested!r:.60}"
         )
-    # A nan differs from itself. Stories with nan under all motions have no drift ratio.
+    # For nan, != is true. Stories with nan under all motions have no drift ratio.
     has_no_ratio = (ratios != ratios).reshape(-1, ratios.shape[-1]).all(axis=0)
     if has_no_ratio.all():
         raise UsageError(
@@ -410,8 +410,8 @@ def isolator_check(
     """Return the maximum displacement of isolators as a comparison with an infinite limit; None
     without isolators or motions.
 
-    `isolators` are the numbers of the stories that are isolators, from 1; the other arguments are
-    those of `check_limits`.
+    `isolators` are the stories that are isolators, counted from 1; see `check_limits` for the other
+    arguments.
     """
     values = tuple(
         math.inf if number in isolators else math.nan for number in range(1, len(height) + 1)

@@ -5,7 +5,7 @@ The equation of motion is (M + B) a + C v + K u = -M r ag + p with the inertance
 mass and inertance follow the other rows statically; the modes contain them. Their dashpots make
 them lag behind (`Lag`).
 
-A flexural story is a Timoshenko segment with constant EI and GA. Its ends have a displacement and a
+A flexural story is a Timoshenko segment with constant EI and GA. Each end has a displacement and a
 rotation; rotations, and the displacement of a base on a spring, have no mass and are condensed.
 """
 
@@ -56,7 +56,8 @@ class Lag:
 
     With the matrices K_s and C_s of the rows without mass, the solutions of C_s psi = tau K_s psi
     with positive relaxation times tau are Maxwell elements. The coordinate q of the shape
-    psi / sqrt(tau) follows the modal velocities w of the other rows, and its dashpot acts on them:
+    psi / sqrt(tau) follows the modal velocities w of the other rows, and its dashpot acts on the
+    modes:
 
         q' = -E^T w - q / tau,   modal force of the dashpots on the modes: E q'
 
@@ -77,7 +78,7 @@ class Lag:
     coupling: Array
 
     def coordinates(self, stiffness: Array, displacement: Array) -> Array:
-        """Return q for displacements of the rows in excess of the static ones, shape (..., n)."""
+        """Return q for displacements of the rows minus static displacements, shape (..., n)."""
         return np.asarray(displacement @ stiffness @ self.shapes / self.rates)
 
 
@@ -164,7 +165,7 @@ class MatrixVibration(FreeVibration):
 
     @cached_property
     def modes(self) -> Modes:
-        """All modes, as many as rows with mass; rows without mass follow statically."""
+        """All modes, one for each row with mass; rows without mass follow statically."""
         from scipy.linalg import eigh
 
         check_springs(self.stiffness, self.geometric)
@@ -237,7 +238,7 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         else _damping(model, mass, stiffness, vibration.modes)
     )
     inertia = mass
-    if len(matrices.inertance):  # the damping is that of the rows without inerters
+    if len(matrices.inertance):  # the damping does not depend on inerters
         inertia = mass + np.asarray(matrices.inertance)
         vibration = replace(vibration, mass=np.diagonal(inertia), mass_matrix=inertia)
     names = tuple(map(column_name, model.rows))
@@ -252,8 +253,8 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
 
 
 _NO_LAG = 1e-12
-"""Dimensionless. Stiffness of a Maxwell element, relative to the stiffness of the highest mode, up
-to which it is a rounding error: the damping of its rows is proportional to their stiffness."""
+"""Dimensionless. Maximum stiffness of a Maxwell element, relative to the stiffness of the highest
+mode, that is a rounding error: the damping of its rows is proportional to their stiffness."""
 
 
 def _lag(modes: Modes, mass: Array, stiffness: Array, damping: Array) -> Lag | None:
@@ -365,7 +366,7 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
 
 
 def damped_modes(modes: Modes, system: LinearSystem) -> tuple[Modes, Array, Array, Braces]:
-    """Return the modes in modal coordinates, whose mass matrix is the identity, the stiffness and
+    """Return the modes in modal coordinates (with unit mass matrix), the stiffness and
     damping matrices of these coordinates, and the dampers with braces that rows without mass are,
     for `solve_complex_modes`."""
     count = modes.omega.size

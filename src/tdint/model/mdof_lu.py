@@ -199,7 +199,7 @@ _HEIGHT_CLASSES = {
 }
 _DEFAULT_HEIGHT_CLASSES = ((3, "L"), (7, "M"), (math.inf, "H"))
 
-# For each seismic zone, the design levels with the year from which they apply, the latest first.
+# For each seismic zone, the design levels with their first year, the latest first.
 # Older buildings have the level "pre".
 _FIRST_YEARS: Mapping[str, tuple[tuple[int, str], ...]] = {
     "Z4": ((1976, "high"), (1941, "moderate")),

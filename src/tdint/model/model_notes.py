@@ -18,8 +18,8 @@ _MAX_LISTED = 3
 
 def model_notes(model: Model) -> list[str]:
     """Return notes on a model: the reason for a suppressed plausibility check, rows without mass,
-    attachments without an initial motion, and the modes to which the last of several modal damping
-    ratios applies."""
+    attachments without an initial motion, and the modes with the last of several modal damping
+    ratios."""
     notes = []
     if model.plausibility_off:
         notes.append(f"plausibility warnings are not shown: {model.plausibility_off}")

@@ -83,8 +83,8 @@ class Modes(Tabular):
         The factors apply to shapes phi with unit roof displacement. The influence vector r is 1
         for a building.
         """
-        # The stored shapes have phi^T M phi = 1; division by the roof displacement multiplies the
-        # factor by it.
+        # The stored shapes have phi^T M phi = 1; a shape divided by the roof displacement has a
+        # factor multiplied by the roof displacement.
         roof = self.shapes[self.roof]
         return np.asarray(self._projection * roof)
 
@@ -416,8 +416,8 @@ def chain_frequency(root_spring: Array, root_mass: Array, link: Array, number: i
     matrix keeps the relative accuracy of the lowest frequencies, because L is not squared (Demmel
     and Kahan 1990).
 
-    The roots are those of the spring stiffnesses (N/m) and masses (kg); `link` is 1 for a spring to
-    the floor below, 0 to the ground.
+    The roots are square roots of the spring stiffnesses (N/m) and masses (kg); `link` is 1 for a
+    spring to the floor below, 0 to the ground.
     """
     from scipy.linalg.lapack import dstebz
 

@@ -59,7 +59,7 @@ class Change(NamedTuple):
     follows : tuple of tuple
         Not empty if the number is not named by the parameter, but follows it by default: the model
         does not state a separate value (for the negative side of a law). The paths lead
-        to this number and to numbers between both; it does not follow if one of these is set.
+        to this number and to numbers between both; it does not follow if such a number is set.
     scale : float
         Number of the story divided by the value, which is a number along an inclined element.
     """
@@ -81,7 +81,7 @@ class Change(NamedTuple):
         return math.nan if item is None else float(item)
 
     def is_superseded(self, set_by_name: set[tuple[int, Path]]) -> bool:
-        """Return True if the number follows another one, but has been set by its own name before.
+        """Return True if the number follows another number, but has been set by its name before.
 
         A number that this change sets by its name is added to `set_by_name`: index of the story and
         path of each number.
@@ -111,7 +111,7 @@ class Change(NamedTuple):
 
 
 def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
-    """Return the number of a law whose value a number has by default; "" without such a number.
+    """Return the number of a law that is the default of another number; "" without such a number.
 
     For `negative.backbone[1].drift` it is `backbone[1].drift`.
     """

@@ -94,17 +94,17 @@ the SAC steel frames of Los Angeles and Seattle with 1.03 and 1.36 s at 11.9 m a
 A period of 1.5 s at 11 m is above the line."""
 
 _MAX_STORY_HEIGHT = 6.0
-"""Story height, m, from which the maximum period is computed if no heights are specified."""
+"""Story height, m, for the maximum period if no heights are specified."""
 
 
 _MIN_TOWER_MASS = 0.16
 """Minimum mass per story height over the square of the height of the building, kg/m^3: a building
-with 100 kg/m^3 that is 25 times as high as it is wide. The most slender towers are 24 times as
-high."""
+with 100 kg/m^3 and a height of 25 times its width. The most slender towers have a height of 24
+times their width."""
 
 
 _REFERENCE_DRIFT = 0.01
-"""Amplitude of the drift ratio at which a power-law damper is compared with a linear damper."""
+"""Amplitude of the drift ratio in comparisons of a power-law damper with a linear damper."""
 _ISOLATOR_DRIFT = 0.2
 """The same amplitude of an isolator, m."""
 
@@ -181,15 +181,15 @@ def plausibility_warnings(
 
 
 _LIGHT_STORY = 0.2
-"""Mass of the top story over the mass of the story below, up to which a top story with a dashpot is
-reported as a possible absorber: absorbers have 0.01 to 0.1 of the mass of a building, a penthouse
-has 0.3 of the mass of a floor or more."""
+"""Maximum mass of a top story with a dashpot, over the mass of the story below, that is reported as
+a possible absorber: absorbers have 0.01 to 0.1 of the mass of a building, a penthouse has 0.3 of
+the mass of a floor or more."""
 
 
 def _damped_attached_stories(model: Model) -> list[str]:
-    """Return a warning about stories with a dashpot that are probably no stories, but to which
-    Rayleigh damping applies: a light top story (an absorber), and stories without a height in a
-    building with heights (soil springs, equipment)."""
+    """Return a warning about stories with a dashpot that are probably no stories, but have Rayleigh
+    damping: a light top story (an absorber), and stories without a height in a building with
+    heights (soil springs, equipment)."""
     stories = model.stories
     if model.plausibility_off or not isinstance(
         model.damping, RayleighRatio | RayleighCoefficients
@@ -212,7 +212,7 @@ def _damped_attached_stories(model: Model) -> list[str]:
 
 
 def _law_warnings(model: Model) -> list[str]:
-    """Return the warnings of the hysteretic laws, each with the stories to which it applies."""
+    """Return the warnings of the hysteretic laws, each with the stories that have the law."""
     stories: dict[str, list[str]] = {}
     for number, story in enumerate(model.stories, start=1):
         for spring in story.springs:
@@ -222,12 +222,12 @@ def _law_warnings(model: Model) -> list[str]:
 
 
 def _listed(numbers: Sequence[str]) -> str:
-    """Return the numbers of stories as text, such as `stories 1, 2, 3 and 4 more`."""
+    """Return story numbers as text, such as `stories 1, 2, 3 and 4 more`."""
     return f"{'story' if len(numbers) == 1 else 'stories'} {abbreviate(numbers, _MAX_LISTED)}"
 
 
 def _without_devices(model: Model, building: Building) -> tuple[Model, Building]:
-    """Return the building without attachments and links: usual values are those of stories."""
+    """Return the building without attachments and links: usual values refer to stories."""
     if not model.devices:
         return model, building
     bare = replace(model, attachments=(), links=())
@@ -394,7 +394,7 @@ def _period_range(building: Building) -> UsualRange:
 def _weights_as_masses(
     model: Model, building: Building, period: float, period_range: UsualRange
 ) -> str:
-    """Return the end of a warning: the probable cause, if the numbers of `mass` are weights.
+    """Return the end of a warning: the probable cause, if the values of `mass` are weights.
 
     The text is empty if the file specifies weights, or if the corrected masses would be unusual as
     well: too light for floors or for the strength, or with an unusual period (s).
@@ -494,10 +494,10 @@ def _unusual_drifts(model: Model, building: Building) -> list[str]:
 
 
 def _unusual_devices(model: Model, building: Building, omega: float, damping: float) -> list[str]:
-    """Return warnings about devices that would have no effect, or far too much of it.
+    """Return warnings about devices that would have no effect, or an excessive effect.
 
     A device is compared with its purpose in a vibration with the first circular frequency `omega`
-    (rad/s), or of an isolator with the frequency of the rigid building on it. `damping` is the
+    (rad/s), or of an isolator with the frequency of the rigid building above. `damping` is the
     damping ratio of the first mode.
     """
     values = {name: np.full(building.stories, math.nan) for name in USUAL}
@@ -545,7 +545,8 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
 
 
 def _unusual_attached(model: Model, omega: float) -> list[str]:
-    """Return warnings about attachments and links that would have no effect, or far too much of it.
+    """Return warnings about attachments and links that would have no effect, or an excessive
+    effect.
 
     Links are compared with the stories between the endpoints of the link in a vibration with the
     first circular frequency of the building, `omega`, rad/s.
@@ -564,7 +565,7 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
     count = len(model.stories)
     for link in model.links:
         first, last = sorted(link.ends)
-        # Springs between the ends; of an attachment, its own spring.
+        # Springs between the ends; of an attachment, the spring of the attachment.
         ends = [model.attachments[end - count - 1] for end in (first, last) if end > count]
         stiffnesses = [end.spring.stiffness for end in ends]
         stiffnesses = stiffnesses or [story.stiffness for story in model.stories[first:last]]

@@ -47,7 +47,7 @@ def is_linear(story: Story) -> bool:
 
 
 MAX_STORIES = 100_000
-"""Maximum number of stories. Without it, a typing error in `repeat` would fill the memory."""
+"""Maximum number of stories. Without a limit, a typing error in `repeat` would fill the memory."""
 
 
 class Relief(NamedTuple):

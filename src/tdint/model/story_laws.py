@@ -106,7 +106,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
 
 @cache
 def laws() -> Mapping[str, DriftLaw]:
-    """Return all hysteretic laws by name, including those of entry points `tdint.laws`."""
+    """Return all hysteretic laws by name, also from entry points `tdint.laws`."""
 
     def register(plugin: Any, origin: Origin) -> None:
         """Register the laws of an entry point."""
@@ -129,7 +129,8 @@ class Law:
         Values in SI units in the order of `LAWS[name].parameters`. A `many` parameter is the last
         one and is flattened. The last parameters may be omitted if they have defaults.
     fracture : tuple of float
-        Drifts where the law loses its force permanently, m: positive and negative; 0 for none.
+        Drifts where the law loses its force permanently, m: positive and negative; 0 without
+        fracture.
     fracture_ratio : tuple of float
         The same drifts over the story height, which they follow; 0 for a drift that is a length.
     """
@@ -216,7 +217,7 @@ def _restore_law(fields: tuple[Any, ...], code: int, file: str, digest: str) -> 
 def default_numbers(
     parameter: LawParameter, earlier: Mapping[str, tuple[float, ...]]
 ) -> tuple[float, ...] | None:
-    """Return the numbers of a parameter that is omitted, or None if it is required.
+    """Return the default of a parameter that is omitted, or None if it is required.
 
     `earlier` contains the numbers of the parameters before it, by name.
     """

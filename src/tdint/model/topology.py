@@ -1,4 +1,5 @@
-"""Springs between any two floors: their ends in the tables of the kernels, and matrices of them.
+"""Springs between any two floors: their start and end in the tables of the kernels, and their
+matrices.
 
 A spring is a story, an attachment (a mass with its spring on a floor) or a link. Each spring has a
 column of the tables. The columns of stories and attachments are also the columns of their upper
@@ -6,7 +7,7 @@ floors; links have columns without a mass after them (`tdint.kernels.linear_term
 
 The matrices of a step are factorized from the last floor to the first. The elimination of a floor
 with several lower floors creates an entry for each pair of these floors (fill-in). If no spring
-connects such a pair, it receives a link without stiffness, and the column of this link stores the
+connects such a pair, it receives a link without stiffness, and the column of the link stores the
 entry.
 """
 
@@ -38,7 +39,7 @@ NO_SPRING = Story(mass=0.0, height=None, stiffness=0.0, law=LINEAR, dashpot=0.0)
 
 
 def springs_of(model: Model) -> tuple[tuple[Story, ...], list[Ends]]:
-    """Return the springs of a model in the order of their columns, and their ends."""
+    """Return the springs of a model in the order of their columns, with their start and end."""
     stories = model.stories
     ends = [(i, i - 1) for i in range(len(stories))]  # the first story is on the ground: -1
     ends += [(i, item.floor - 1) for i, item in enumerate(model.attachments, start=len(stories))]
@@ -75,7 +76,7 @@ def store_ends(linear_terms: Array, ends: Sequence[Ends]) -> None:
     is_chain = all(end == (i, i - 1) for i, end in enumerate(ends))
     linear_terms[rows.UPPER_FLOOR, count] = 0.0 if is_chain else 1.0
     columns: dict[Ends, int] = {}
-    # The list of a floor starts in its own column, also if its own spring is on the ground.
+    # The list of a floor starts in the column of the floor, also if its spring is on the ground.
     last_entry = {upper: upper for upper, _ in ends}
     for i, (upper, lower) in enumerate(ends):
         is_on_floor = lower != GROUND

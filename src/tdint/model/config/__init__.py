@@ -1,1 +1,1 @@
-"""From YAML to a model: every fault of a file with its line and column."""
+"""From YAML to a model: every error of a file with its line and column."""

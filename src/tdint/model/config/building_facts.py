@@ -1,4 +1,4 @@
-"""Read the section `building` of a model file: properties from which rules derive the stories."""
+"""Read the section `building` of a model file: rules derive the stories from these properties."""
 
 from __future__ import annotations
 

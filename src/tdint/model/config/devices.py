@@ -114,7 +114,7 @@ def read_devices(
     """
     names = _Names({})
     attachments = []
-    loose: list[Section | None] = []  # attachments without a spring, which links must hold
+    loose: list[Section | None] = []  # attachments without a spring, which links must support
     for number, entry in enumerate(_entries(section, "attachments"), start=1):
         if item := entry.section(_ATTACHMENT):
             attachment = _read_attachment(item, number, unit, (count, floor_mass), names)
@@ -132,8 +132,8 @@ def read_devices(
 
 
 def _report_loose(loose: Sequence[Section | None], count: int, links: Sequence[Link]) -> None:
-    """Report attachments without a spring (`loose`, None for the others) that no chain of links
-    with a stiffness connects to the building or to the ground."""
+    """Report attachments without a spring (`loose`, None for other attachments) that no chain of
+    links with a stiffness connects to the building or to the ground."""
     held = {*range(count + 1), *(count + i for i, item in enumerate(loose, start=1) if not item)}
     springs = [{*link.ends} for link in links if link.spring.stiffness]
     while added := {end for ends in springs if ends & held for end in ends} - held:
@@ -217,7 +217,7 @@ def _read_device(
 def _read_link(
     section: Section, name: str, unit: ModelUnits, count: int | None, attachments: Sequence[str]
 ) -> Link | None:
-    """Return a link; None after an error in its ends."""
+    """Return a link; None after an error in its start or end."""
     ends = [_read_end(section, key, count, attachments) for key in ("from", "to")]
     has_spring = section.mentions("stiffness", "law")
     if not (has_spring or section.mentions("dashpot", "inertance")):

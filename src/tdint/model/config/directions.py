@@ -1,9 +1,9 @@
 """Model files with two directions: expand the nodes of the file into a document for each direction.
 
 A story, the file and its `excitation` can contain mappings `x` and `y`. The document of a direction
-contains all other keys, and the keys of its mapping. The reader of files with one direction then
-reads both documents (`model_file`). The directions are uncoupled: the masses and heights of the
-stories are common, and no spring, damper or rotation connects both directions.
+contains all other keys, and the keys of its mapping. The reader of files for a single direction
+then reads both documents (`model_file`). The directions are uncoupled: the masses and heights of
+the stories are common, and no spring, damper or rotation connects both directions.
 """
 
 from __future__ import annotations
@@ -150,8 +150,8 @@ def _document(root: Value, direction: str) -> Value:
 
 
 def _merged(value: Value, direction: str, allowed: Sequence[str]) -> Node:
-    """Return a mapping without the mappings of the directions, and with the entries of the mapping
-    of one direction. `allowed` are the keys that a direction can have."""
+    """Return a mapping with the entries of its mapping for `direction`, and without both mappings
+    of directions. `allowed` are the keys that a direction can have."""
     own = value.peek(direction)
     common = _without(value.node, DIRECTIONS)
     if own is None or not isinstance(common, MappingNode):
@@ -189,7 +189,7 @@ def _without(node: Node, names: Collection[str]) -> Node:
 
 def read_azimuth(root: Value, *, has_pair: bool) -> float | None:
     """Return the azimuth of axis x, degrees; None without the key. With `has_pair`, the motion is a
-    recording, whose components can be rotated."""
+    recording with components that can be rotated."""
     excitation = root.peek("excitation")
     azimuth = excitation.peek("azimuth") if excitation else None
     if azimuth and not has_pair:

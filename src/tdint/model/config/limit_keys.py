@@ -52,7 +52,7 @@ _NAME_MAPPING = f"a mapping from names to limits, such as {{tank: ..., {OTHERS}:
 
 
 def _by_story(value_type: ValueType, names: str = _STORY_KEYS) -> Either:
-    """Return the type of one value for all stories, or of a mapping from stories or types of laws
+    """Return the type of a value for all stories, or of a mapping from stories or types of laws
     to values; of attachments and links, of a mapping from names (any text)."""
     return Either((value_type, NamedEntries(value_type, names, least=1)))
 
@@ -214,7 +214,7 @@ def _read_named_values(
 
 
 def _priority(name: str) -> int:
-    """Return the priority of a key; a key of higher priority overrides the others.
+    """Return the priority of a key; a key of higher priority overrides keys of lower priority.
 
     The priority is 0 for `others`, 1 for a type of law, 2 for a range of stories (`2-5`) and 3 for
     the number of a story.

@@ -172,8 +172,8 @@ _TIME_ORDER = (
 
 
 def _invalid_times(times: np.ndarray) -> list[int]:
-    """Return the index of the first row whose time decreases or occurs for the third time, or no
-    index."""
+    """Return the index of the first row with a time that decreases or occurs for the third time, or
+    no index."""
     decreases = np.flatnonzero(np.diff(times) < 0.0) + 1
     repeats = np.flatnonzero(times[2:] == times[:-2]) + 2
     return sorted((*decreases.tolist(), *repeats.tolist()))[:1]
@@ -211,7 +211,7 @@ def read_load_file(
 
 @dataclass(frozen=True)
 class _Failing:
-    """Entry without a position in a file: an error is raised at once."""
+    """Entry without a position in a file: an error is raised immediately."""
 
     path: str
 
@@ -341,7 +341,7 @@ def _unit_of(title: str, unit: float | str, table: CsvTable) -> float:
 def _read_numbers(
     table: CsvTable, rows: object, names: Sequence[str]
 ) -> tuple[list[int], np.ndarray]:
-    """Return the line number of each row and the numbers of some columns, shape (rows, columns)."""
+    """Return the line number of each row, and some columns, shape (rows, columns)."""
     indices = [table.header.index(name) for name in names]
     lines: list[int] = []
     parts: list[np.ndarray] = []

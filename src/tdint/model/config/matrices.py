@@ -22,11 +22,11 @@ from tdint.model.story import Story, column_name
 from tdint.model.story_laws import LINEAR
 
 MAX_ROWS = 2000
-"""Maximum number of rows of a matrix model: a matrix of numbers of 8 bytes then takes 32 MB."""
+"""Maximum number of rows of a matrix model: a matrix of numbers of 8 bytes then has 32 MB."""
 
 _ASYMMETRY = 1e-6
-"""Dimensionless. Difference of two entries, divided by the root of the product of their diagonal
-entries, up to which a matrix is symmetric: the rounding of printed numbers. The mean is used."""
+"""Dimensionless. Maximum difference of two entries of a symmetric matrix, divided by the root of
+the product of their diagonal entries: the rounding of printed numbers. The mean is used."""
 
 _MIN_PIVOT = 1e-12
 """Dimensionless. Smallest pivot of a positive definite matrix, divided by its diagonal entry."""
@@ -42,7 +42,7 @@ _LIST_OF_ROWS = "a list of rows of numbers, or a CSV file of numbers without a h
 def read_linear_stories(
     section: Section, unit: ModelUnits, stories: tuple[Story, ...]
 ) -> Matrices | None:
-    """Return the matrices of a model whose stories are flexural or have a stiffness matrix; None
+    """Return the matrices of a model with flexural stories or a stiffness matrix; None
     for other models."""
     value, base = section.get("stiffness_matrix"), section.get("base")
     flexural = [story.flexural is not None for story in stories]
@@ -142,7 +142,7 @@ def _fits(value: Value, count: int) -> bool:
 
 
 def _numbers(count: int) -> tuple[str, ...]:
-    """Return the numbers of floors as names of rows."""
+    """Return floor numbers as names of rows."""
     return tuple(str(i) for i in range(1, count + 1))
 
 

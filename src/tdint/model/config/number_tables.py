@@ -73,7 +73,7 @@ def square_table(value: Value, count: int | None, most: int, form: str) -> Array
 def _square_file(value: Value, count: int | None, most: int, form: str) -> Array | None:
     """Return the numbers of a CSV file; None after an error.
 
-    No message contains text of the file, because it can be of another kind.
+    No message contains text of the file, because it may not be a table.
     """
     path = value.file()
     if path is None:

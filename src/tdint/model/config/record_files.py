@@ -1,4 +1,4 @@
-"""Description of a set of records: the files, and how they are read and processed.
+"""Description of a set of records: the files, and the options for reading and processing.
 
 A YAML file with these keys represents the records in every place where a command accepts a record,
 a pattern or a directory. The key `records` of a campaign file has the same keys.
@@ -114,7 +114,7 @@ def read_description(source: str) -> RecordFiles | None:
 
 
 def read_files(section: Section) -> RecordFiles:
-    """Return the files of a section with the keys `FILES` and `UNITS`, and how they are read.
+    """Return the files of a section with the keys `FILES` and `UNITS`, and the options for reading.
     Errors are recorded in the document."""
     empty = "is empty; give at least one record"
     files = section.files("files", "a list of files and directories", empty)

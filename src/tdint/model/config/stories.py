@@ -196,7 +196,7 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     if law.initial_stiffness is None:
         return result, None
 
-    # The initial stiffness follows from the parameters, unless one of them has an error. It may be
+    # The initial stiffness follows from the parameters, unless a parameter has an error. It may be
     # invalid although each parameter is valid.
     is_known = parameters and not any(map(math.isnan, parameters))
     stiffness = law.initial_stiffness(parameters) if is_known else math.nan
@@ -595,7 +595,7 @@ _OF_SPRINGS = (
 
 
 def _read_story_without_spring(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
-    """Return the story of an entry whose stiffness is `flexural` or in a matrix."""
+    """Return the story of an entry with stiffness `flexural` or in a matrix."""
     section.refuse(
         _OF_SPRINGS,
         f"`flexural` and `stiffness_matrix` are linear and replace {', '.join(_OF_SPRINGS)} of "
@@ -632,7 +632,7 @@ def read_spring(
     is_optional: bool = False,
 ) -> tuple[float, Law]:
     """Return the initial stiffness (N/m; nan after an error) and the law of a spring. With
-    `is_optional`, the spring may have no stiffness, or none before it stiffens."""
+    `is_optional`, the spring may have no stiffness, or no stiffness before it stiffens."""
     entry = section.get("law")
     law, stiffness_of_law = read_law(entry, unit)
     is_held = law == LINEAR and section.has("stiffness")
@@ -721,7 +721,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
             f"must contain a letter and none of [ ] , = and quotation marks, got {name!r}"
         )
     # The file contains the values along the element. In the direction of the drift, forces are
-    # multiplied by the cosine of its inclination and lengths divided by it, as by other units.
+    # multiplied and lengths divided by the cosine of its inclination, as by other units.
     cosine = _read_inclination(section)
     if not math.isnan(cosine):
         unit = unit._replace(length=unit.length / cosine, force=unit.force * cosine)
@@ -732,7 +732,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
         stiffness_of_law = math.nan if has_unknown else law.initial_stiffness(parameters)
     if any(parameter.path == "stiffness" for parameter in law.parameters):
         assert stiffness_of_law is not None
-        stiffness = stiffness_of_law  # the law checks its own parameter
+        stiffness = stiffness_of_law  # the law checks the parameter
     else:
         is_optional = has_unknown or law.stiffens(parameters)
         stiffness = _read_stiffness(

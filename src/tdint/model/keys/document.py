@@ -33,10 +33,10 @@ _MAX_KEYS = 10_000
 mappings of a valid file; the limit stops the reading of a file of another type, which is slow."""
 _MAX_ALIASED = 200_000
 """Maximum number of values that the aliases of a file repeat. They are read again at every alias;
-reading this number takes about 1 s. A building of 1000 equal stories repeats 20 000 values."""
+reading this number requires about 1 s. A building of 1000 equal stories repeats 20 000 values."""
 MAX_BYTES = 16 * 1024 * 1024
-"""Maximum size of a model file, bytes. Without it, a wrong path such as a device would fill the
-memory."""
+"""Maximum size of a model file, bytes. Without a limit, a wrong path such as a device would fill
+the memory."""
 
 
 class SourceText(NamedTuple):
@@ -103,7 +103,7 @@ def read_source(source: str | Path | TextIO, file_type: str = "model file") -> S
 
 def _read_stream(stream: TextIO | BinaryIO, label: str, file_type: str) -> bytes:
     """Return the content of a stream as UTF-8, and record it as an input of the command if it has a
-    name (`-` or that of a file).
+    name (`-` or a file name).
 
     ModelError is raised if the stream cannot be read, or is larger than `MAX_BYTES`.
     """
@@ -327,7 +327,7 @@ class _Composer:
         return node
 
     def _build_children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
-        """Yield the nodes of a list, or the keys and values of a mapping in turn, until `end`.
+        """Yield the nodes of a list, or alternately the keys and values of a mapping, until `end`.
         ModelError is raised if a mapping has too many keys.
         """
         count = 0

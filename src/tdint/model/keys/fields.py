@@ -139,7 +139,7 @@ class PathOf:
 
 
 class Choice(NamedTuple):
-    """One of several names; `description` is the noun for them in messages."""
+    """One of several names; `description` is their noun in messages."""
 
     names: tuple[str, ...]
     description: str = "value"
@@ -325,7 +325,7 @@ ROOF = "roof"
 
 _MIN_SIMILARITY = 0.75
 """Dimensionless (difflib ratio). An unknown key that is at least this similar to a missing known
-key is treated as a misspelling of it: its value is checked as the value of the known key."""
+key is treated as a misspelling: its value is checked as the value of the known key."""
 
 
 class Value(NamedTuple):
@@ -367,7 +367,7 @@ class Value(NamedTuple):
         return ModelFault(self.faults.source, self.node.line, self.node.column, self.key, "")
 
     def fault(self, message: str) -> None:
-        """Report an error of this value."""
+        """Report an error of the value."""
         self.faults.add(self.node, self.key, message)
 
     def floor(self, count: int | None, names: Sequence[str] = ()) -> int:

@@ -226,11 +226,11 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
 
 def _as_lists(node: Node) -> Any:
     """Return a node as nested lists: a mapping is a list of lists [key, value]. Rows of numbers of
-    Python objects are represented by their SHA-256, because their text takes long."""
+    Python objects are represented by their SHA-256, which is faster than their text."""
     if isinstance(node, MappingNode):
         return [[_as_lists(key), _as_lists(item)] for key, item in node.entries]
     if isinstance(node, ListNode) and isinstance(node.items, NumberRows):
-        import hashlib  # most models do not come from Python objects
+        import hashlib  # most models are not built from Python objects
 
         return [node.items.columns, hashlib.sha256(node.items.data).hexdigest()]
     if isinstance(node, ListNode):
