@@ -10,7 +10,7 @@ from tdint.kernels import layout as rows
 
 def dashpot_rows(factor: float, numbers: Sequence[Any]) -> list[tuple[int, float]]:
     """Return rows of the linear terms with their values for a power-law dashpot with the numbers of
-    a `PowerDashpot`, the last two of its `Relief`.
+    a `PowerDashpot`, the last two from its `Relief`.
 
     The force of a dashpot without a brace at the drift rate v is c v (v^2 + v0^2)^POWER. For |v|
     much larger than v0 it is c |v|^exponent, so POWER = (exponent - 1) / 2. With the `factor` of an
