@@ -1,4 +1,4 @@
-"""Tables and figures of the results of this package: class of a result -> its presentation."""
+"""Tables and figures of the results of assessments: class of a result -> its presentation."""
 
 from __future__ import annotations
 

@@ -41,7 +41,8 @@ AnyModel: TypeAlias = "Model | str | Path | TextIO | Mapping[str, Any]"
 """Building: a result of `load_model`, or an argument of `load_model`."""
 
 AnyRecord: TypeAlias = Record | str | Path | AnyTrace | AnyStream
-"""Ground motion: a result of `read_record`, a file with units and one component, or a trace."""
+"""Ground motion: a result of `read_record`, a file with units and a single component, or a
+trace."""
 
 AnyMotion: TypeAlias = "AnyRecord | Horizontals | tuple[AnyRecord, AnyRecord]"
 """Record, or pair of components."""
@@ -159,7 +160,7 @@ def pair_of_files(model: Model, files: Sequence[str], choice: RecordChoice) -> P
     Raises
     ------
     RecordError
-        The files do not contain the two horizontal components of one ground motion.
+        The files do not contain the two horizontal components of a ground motion.
     """
     # Imported here, because other runs do not read several components.
     from tdint.ground_motion.axes import along_axes

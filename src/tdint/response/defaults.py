@@ -23,7 +23,7 @@ MOST_DUCTILE = 1000.0
 """Maximum ductility that can be requested."""
 
 STORY_HEIGHT = 3.5
-"""Height of a story, m, if neither the height nor the number of stories is given."""
+"""Height of a story, m, if the height and the number of stories are not given."""
 
 HEIGHT_PERIOD = (0.0731, 0.75)
 """Default coefficients a and b of the relation T = a H^b between the fundamental period T (s) and

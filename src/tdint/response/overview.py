@@ -137,7 +137,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
     )
     try:
         buildings = [(assemble(part), part) for part in model.directions]
-        # Of two directions, the values are those of the direction with the longer period.
+        # Of two directions, the direction with the longer period determines the values.
         building, part = min(buildings, key=lambda item: item[0].first_mode()[0])
         omega, damping = building.first_mode()
     except ModelError as error:

@@ -77,7 +77,7 @@ class RunsRequest:
 
     def samples(self, model: int, draws: Sequence[int]) -> SampleTables | None:
         """Return the tables of a building in the samples of some runs, for a single batch; None if
-        each sample needs a batch of its own, which also states what is wrong with a sample.
+        each sample needs a separate batch, which also states the error of a sample.
 
         A batch has one form of the compiled loops: the samples must agree in the features that
         determine it.

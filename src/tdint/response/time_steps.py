@@ -67,7 +67,7 @@ def choose_steps(
 ) -> Steps:
     """Return the time steps for a requested dt and duration.
 
-    A time step divides the sampling interval of the record or is an integer multiple of this
+    A time step divides the sampling interval of the record or is an integer multiple of the
     interval. The last step ends at the duration or after it. Without a requested duration, a run
     continues after the record if necessary.
 

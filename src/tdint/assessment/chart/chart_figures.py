@@ -128,7 +128,7 @@ def sizes_picture(
 
 
 class _Drawing:
-    """Points of a chart that are drawn for a single type of error.
+    """Points of a chart that are plotted for a single type of error.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ from tdint.system import die_with_parent
 NOT_INSTALLED, NOT_LOADED = 3, 4
 SECONDS = 60.0
 """Processor time after which no further run of an integrator is started, s. The runs of a problem
-can be limited to a fraction of it. The limit applies separately to each integrator."""
+can be limited to a fraction of this time. The limit applies separately to each integrator."""
 
 NOT_RUN = "not-run"
 """Outcome of a run that was not started, because runs with larger steps used `SECONDS`."""

@@ -34,7 +34,7 @@ from tdint.model.story_laws import CODES
 from tdint.response.runs.outcome import DIVERGED, NOT_CONVERGED
 from tdint.response.time_steps import Steps
 
-# Maximum number of times that a run is timed, because OpenSeesPy is up to 500 times slower than
+# Maximum number of times that a run is timed, because OpenSeesPy may be 500 times slower than
 # tdint
 _REPEATS = 3
 _MINUTES = 5.0  # min; time limit of the process of OpenSeesPy
@@ -62,8 +62,9 @@ _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
     ),
 }
 """Name and parameters of OpenSees' integrator for a method of tdint: key = method of tdint, value =
-function of the first parameter of the method (nan if it has none). The parameters differ, because
-the weights of OpenSees refer to the end of the step, and the weights of tdint to its start."""
+function of the first parameter of the method (nan without parameters). The parameters differ,
+because the weights of OpenSees refer to the end of the step, and the weights of tdint to its
+start."""
 
 
 # The following functions return an OpenSees material with its parameters. Arguments: stiffness
@@ -133,8 +134,9 @@ _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
 Only laws that OpenSees can represent exactly are listed; curves are represented by tables."""
 
 _FIRST_ORDER_LAWS = ("bouc-wen",)
-"""Laws whose OpenSees material uses only the drift rate at the end of the step. The discretization
-error of a run is then proportional to the time step; with other materials, to its square."""
+"""Laws with an OpenSees material that uses only the drift rate at the end of the step. The
+discretization error of a run is then proportional to the time step; with other materials, to its
+square."""
 
 ITERATED = (
     "openseespy/generalized-alpha: from the second iteration of a step on, OpenSees balances the "
@@ -142,7 +144,7 @@ ITERATED = (
     "with order 1, and its iterations converge by (1 - alpha_m) / alpha_m (shown by "
     "tests/benchmarks/opensees_generalized_alpha.py)"
 )
-"""Note of a chart if time steps need more than one solution of the equations."""
+"""Note of a chart if time steps need several solutions of the equations."""
 
 
 def openseespy_points(
@@ -220,7 +222,7 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     Parameters
     ----------
     goal : float
-        Relative difference at which no smaller steps are tried.
+        Relative difference that ends the sequence of smaller steps.
     """
     if reason := _unsupported(problem):
         return math.nan, reason
@@ -295,7 +297,7 @@ def _proportion(numerators: Array, denominators: Array) -> float | None:
 
 def _needs_one_solution(problem: Problem) -> bool:
     """Return True if OpenSees needs a single solution of the equations per time step: for a linear
-    building whose dampers are Rayleigh damping.
+    building with Rayleigh damping and no other dampers.
 
     Other dampers are the material Viscous. Its tangent is not exact.
     """
@@ -438,7 +440,7 @@ its method are omitted."""
 
 
 class _TimeExceeded(Exception):
-    """A run takes longer than `SECONDS`."""
+    """A run exceeds `SECONDS`."""
 
 
 def solve_ivp_points(

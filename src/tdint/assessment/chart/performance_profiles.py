@@ -251,7 +251,7 @@ class Leaders(NamedTuple):
     safest: str
 
 
-COARSE = 0.03  # relative error from which a tolerance is considered coarse
+COARSE = 0.03  # minimum relative error of a coarse tolerance
 
 
 APART = ("openseespy/generalized-alpha",)
@@ -293,10 +293,10 @@ class FieldChart(Tabular):
     def profiles(self) -> tuple[PerformanceProfile, ...]:
         """Profiles for each quantity, tolerance and method, in this order.
 
-        They include all problems whose reference is accurate enough for the tolerance. A problem
-        that a method does not accept counts as not solved. A problem is omitted from the profile
-        of a method if it is unknown whether the method can meet the tolerance. All costs are
-        relative to the minimum of tdint's methods with specified steps.
+        They include all problems with a reference that is accurate enough for the tolerance. A
+        problem that a method does not accept counts as not solved. A problem is omitted from the
+        profile of a method if it is unknown whether the method can meet the tolerance. All costs
+        are relative to the minimum of tdint's methods with specified steps.
         """
         profiles = []
         is_ours = [has_specified_steps(line) for line in self.lines]
@@ -364,9 +364,9 @@ class FieldChart(Tabular):
         """Return the recommended methods.
 
         The method `overall` solves most problems within twice the minimum cost, over all quantities
-        and tolerances; `coarse` does so for tolerances of 3 % and more. The method `safest` has the
-        fewest failures, and of these the smallest maximum ratio. A problem that a method does not
-        accept counts as a failure.
+        and tolerances; `coarse` does this for tolerances of at least 3 %. The method `safest` has
+        the fewest failures, and of these the smallest maximum ratio. A problem that a method does
+        not accept counts as a failure.
 
         Raises
         ------
@@ -527,7 +527,7 @@ def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
 def _points_of_method(
     posed: Problem, integrator: Integrator, dts: Sequence[float], true_peaks: StoryPeaks
 ) -> list[Point]:
-    """Measure one method with decreasing time steps, and return a point for each.
+    """Measure one method with decreasing time steps, and return a point for each time step.
 
     No smaller step is run after two successive errors far below all tolerances. Each point is timed
     one time.
@@ -671,7 +671,7 @@ def performance_profiles(
     integrators = chosen(method)
 
     def measure_one(completed: int, problem: FieldProblem) -> Measured:
-        """Measure a problem after others that are completed."""
+        """Measure a problem after `completed` other problems."""
         label = f"{problem.name}, {problem.motion}"
         return measure_problem(
             problem,

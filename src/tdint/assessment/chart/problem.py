@@ -372,8 +372,8 @@ def stretched(model: Model, count: int) -> Model:
     )
 
 
-# ---- The reference solution of the errors: computed by one method, confirmed by a second method,
-# and stored in the cache
+# ---- The reference solution of the errors: computed by a method, confirmed by a second method, and
+# stored in the cache
 
 EXACT_UP_TO = 100
 """Maximum number of stories for the exact method; the cost of its time step is quadratic in the
@@ -381,7 +381,7 @@ number of stories."""
 
 # Target of the relative difference between the solutions of two methods. If the difference is
 # larger, the reference is computed again with half the time step. The three targets are for
-#   - linear buildings whose reference is computed by the exact method
+#   - linear buildings with a reference by the exact method
 #   - all other buildings with smooth force curves
 #   - buildings with kinks in their force curves, which increase the difference
 _EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8
@@ -611,7 +611,7 @@ def _motion(problem: Problem, samples: int, method: str, steps_per_interval: int
 
 
 def cache_folder() -> Path | None:
-    """Return the cache directory for references of this compiler version; None if not writable."""
+    """Return the cache directory for references of the compiler version; None if not writable."""
     return cache_subfolder(folder_name())
 
 

@@ -235,7 +235,7 @@ class Chart(Tabular):
     points : tuple of Point
         Points, sorted by method and by decreasing time step.
     reference : Reference
-        Reference solution of the errors, with an estimate of the error of this solution.
+        Reference solution of the errors, with an estimate of the error of the reference.
     usual : Point
         Point of average acceleration with the interval as time step. It is measured even if it is
         not included in `points`.
@@ -261,8 +261,8 @@ class Chart(Tabular):
 
 
 def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[float, ...]:
-    """Return the default time steps for a number of methods, each run of which is timed `repeats`
-    times, s, in descending order.
+    """Return the default time steps for a number of methods if each run is timed `repeats` times,
+    s, in descending order.
 
     The steps are eight sampling intervals and repeated halves, down to 1/16 of an interval. For a
     large building the smallest step is larger, but at most the interval. In between, steps of 6, 3,
@@ -638,8 +638,8 @@ class PerformanceProfile:
     taken : int
         Number of problems that the method accepts. It does not solve the remaining problems.
     not_run : int
-        Number of problems omitted from the ratios, because no step is known to meet the tolerance
-        and smaller steps were not run.
+        Number of problems omitted from the ratios, because no measured step meets the tolerance and
+        smaller steps were not run.
     """
 
     quantity: str
@@ -668,7 +668,8 @@ class PerformanceProfile:
 
     @property
     def median(self) -> float:
-        """Median ratio of the accepted problems; infinite if half of them are not solved."""
+        """Median ratio of the accepted problems; infinite if half of the problems are not
+        solved."""
         # The ratios of problems that the method does not accept are infinite, so they are last.
         return statistics.median(self.ratios[: self.taken]) if self.taken else math.inf
 

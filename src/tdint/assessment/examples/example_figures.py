@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
 
 _NEAR = 3  # number of time steps on both sides of the peak in a close-up
-_SHOWN = 2  # number of masses at each end of a row that is too long to draw
+_SHOWN = 2  # number of masses at each end of a long row
 _SIDE = 0.5  # side of a mass divided by the distance between masses
 
 
@@ -52,7 +52,7 @@ def example_picture(
     if shown.is_error:
         values = [np.abs(motion - exact_displacement) for motion in displacements]
     # The close-up is at the largest error of any run, or at the peak of the exact solution. `peak`
-    # is the index of this time step.
+    # is the index of the time step.
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(exact_displacement)))
     close_up = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = [run.method for run in runs]
@@ -93,7 +93,7 @@ def example_picture(
 
 
 def row_picture(title: str, model: Model) -> Figure:
-    """Draw a building as a row of masses, springs and dashpots between a wall and a free end.
+    """Plot a building as a row of masses, springs and dashpots between a wall and a free end.
 
     Only the first and the last masses of a long row are plotted, with three dots between them. In
     the coordinates of the figure, the distance between masses is 1 and the row is at the height 0.
@@ -140,7 +140,7 @@ def row_picture(title: str, model: Model) -> Figure:
 
 
 def _draw_link(axes: Any, start: float, end: float) -> None:
-    """Draw a spring and a dashpot below the spring, from the abscissa `start` to `end`."""
+    """Plot a spring and a dashpot below the spring, from the abscissa `start` to `end`."""
     black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
     middle = 0.5 * (start + end)
     # The spring is a zigzag line between two straight parts.
@@ -155,7 +155,7 @@ def _draw_link(axes: Any, start: float, end: float) -> None:
 
 
 def _draw_mass(axes: Any, model: Model, index: int, left: float) -> None:
-    """Draw the mass of a floor with its number and its force.
+    """Plot the mass of a floor with its number and its force.
 
     `index` is the index of the floor, from 0.
     """

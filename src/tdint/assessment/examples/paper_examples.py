@@ -194,8 +194,8 @@ NORMS: Mapping[str, Callable[[Array], float]] = {
 """Norms of absolute errors over floors and time steps: maximum, root mean square, mean."""
 
 EQUAL_ERRORS = 0.05
-"""Relative difference up to which two errors are called equal. Sampling the load and the choice of
-the compared times change the errors by similar amounts."""
+"""Maximum relative difference of two errors that are called equal. Sampling the load and the choice
+of the compared times change the errors by similar amounts."""
 
 
 def ordered_methods(

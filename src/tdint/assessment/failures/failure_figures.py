@@ -50,7 +50,7 @@ _MARKS = {
     "refused": _Mark("white", ink="0.45"),
     "": _Mark("0.82"),
 }
-"""Style of each verdict; the last style is that of all other verdicts."""
+"""Style of each verdict; the last style is for all other verdicts."""
 
 _LEGEND = {
     "passes": "pass",

@@ -1,4 +1,4 @@
-"""Failures of methods on problems with known answers, as reported by `tdint failures`."""
+"""Failures of methods on problems with known solutions, as reported by `tdint failures`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ method under test. The reference solution is computed by `gauss4`."""
 
 @dataclass(frozen=True)
 class Fault:
-    """Criterion by which a method fails a problem: the judged quantity is outside its bounds.
+    """Criterion for a failure of a method on a problem: the judged quantity is outside its bounds.
 
     The judged quantity is an energy ratio or an error (`HardProblem.by_energy`).
 
@@ -271,7 +271,7 @@ def soft_node_motion(time: Array) -> Array:
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     """Define the two problems of Bathe and Noh (2012), where a stiff spring (k1 = 1e7) transmits a
     harmonic base motion to a building of two floors. The reference is the exact motion for an
-    infinite stiffness of this spring.
+    infinite stiffness of the spring.
 
     The first problem judges the acceleration of floor 1 (the stiff node), where a method without
     numerical damping oscillates. The second problem judges the displacement of floor 2 (the soft
@@ -558,7 +558,7 @@ class Trial:
 
 def usual_methods() -> list[Integrator]:
     """Return all methods with their default parameters and with their `variants`. A method with
-    parameters is omitted if its defaults equal another method, as those of `newmark`."""
+    parameters is omitted if its defaults equal another method, as for `newmark`."""
     result: list[Integrator] = []
     for name, method in catalogue().items():
         integrator = parse(name)
@@ -603,7 +603,7 @@ def failures(
     *,
     progress: bool | Progress = False,
 ) -> ResultList[Trial]:
-    """Test methods on difficult problems with known answers.
+    """Test methods on difficult problems with known solutions.
 
     Parameters
     ----------

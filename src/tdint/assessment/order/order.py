@@ -488,7 +488,7 @@ def check_method(integrator: Integrator) -> MethodCheck:
         faults.append(
             f"{label}: declares order {integrator.order}, but the observed order is {order:.2f}"
         )
-        yielding.pop("order", None)  # Avoid reporting the same fault twice.
+        yielding.pop("order", None)  # Avoid reporting the same error twice.
     if limit_fault := false_limit(integrator, limit):
         faults.append(limit_fault)
     # A method with a stability limit has no measured radius (nan), and must declare nan. If only
@@ -512,9 +512,9 @@ def check_method(integrator: Integrator) -> MethodCheck:
 
 
 def check_law(model: Model, story: int) -> list[str]:
-    """Check the hysteresis model of a story in a cyclic test, and return a message for each fault.
+    """Check the hysteresis model of a story in a cyclic test, and return a message for each error.
 
-    Faults are tangents that differ from the slope of the force, and errors of the energy balance.
+    Errors are tangents that differ from the slope of the force, and errors of the energy balance.
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ class StabilityCurve(Tabular):
     """Properties of one time step of an undriven oscillator; arrays of shape (k,).
 
     Period error, numerical damping and amplitude decay are nan if the principal roots are real, for
-    time steps longer than half the damped period (from which no period can be determined), and for
+    time steps longer than half the damped period (too long to determine a period), and for
     damping ratios of at least 1.
 
     Attributes
@@ -189,7 +189,7 @@ def _validated_method(method: Integrator | str, damping: float) -> Integrator:
 
 def _refined_steps(dt_over_t: Array) -> tuple[Array, NDArray[np.intp]]:
     """Add time steps to the requested time steps (divided by the period, increasing), so that roots
-    can be tracked. Return all time steps, and the indices of the requested ones.
+    can be tracked. Return all time steps, and the indices of the requested time steps.
 
     The sequence starts at a small time step, where the roots are identified, and neighboring time
     steps differ by a small ratio.
@@ -316,7 +316,7 @@ EXACT_POWERS = {"displacement": (0.0, 1.0), "velocity": (-1.0, 0.0)}
 """Powers of omega h in the amplitudes of u and h v of the exact motion, by initial condition."""
 
 _LEVELS = 10.0 ** np.arange(2.0, 8.0)
-"""Values of omega h from which the power of the growth in one step is determined."""
+"""Values of omega h for a fit of the power of the growth in one step."""
 
 _SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0
 """Factors from 1 to 2 on each value of `_LEVELS`, spread by the golden ratio. With a single value
@@ -328,21 +328,21 @@ _NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
 """Rounding error of a step divided by the initial value. The initial acceleration is omega^2 u(0)
 or 2 xi omega v(0).
 """
-# Product of circular frequency and time step, rad, at which an unstable method is detected by a
-# spectral radius above 1
+# Product of circular frequency and time step, rad, for the test of stability: an unstable method
+# has a spectral radius above 1
 _FAR = 1e3
 # Factor on the initial condition of linear motion, so that a growing response does not exceed the
 # range of floating-point numbers
 _TINY = 1e-200
 
 LAWS = ("linear", "hardening", "softening")
-"""Restoring forces of the oscillator: linear, or that of a problem of
+"""Restoring forces of the oscillator: linear, or from a problem of
 `tdint.assessment.failures.failures`.
 """
 
 BEYOND = 0.01
-"""Dimensionless. Relative excess above the maximum exact value, from which a method overshoots in
-nonlinear motion.
+"""Dimensionless. Relative excess above the maximum exact value. A method with a larger excess in
+nonlinear motion overshoots.
 """
 
 

@@ -102,8 +102,8 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.set_title(f"{quantity}, from a {start}")
             axes.axhspan(-1.0, 1.0, color="0.92", zorder=0.5)
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-            # Some methods exceed the exact motion by orders of magnitude. The axis is then
-            # logarithmic for values above 1, the maximum of the exact motion.
+            # If methods exceed the exact motion by orders of magnitude, the axis is logarithmic for
+            # values above 1, the maximum of the exact motion.
             largest = max(
                 float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines()
             )

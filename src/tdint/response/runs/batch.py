@@ -89,7 +89,7 @@ class Subject:
 
     @cached_property
     def across(self) -> Subject | None:
-        """Building in direction y with its method; None for a building in one direction."""
+        """Building in direction y with its method; None for a building with a single direction."""
         return None if self.model.across is None else Subject(self.model.across, self.method)
 
     @cached_property
@@ -214,7 +214,7 @@ class Outcomes:
         return element_peaks(model, self.elements[i], self.stories_of(i).peak_drift)
 
     def devices_of(self, i: int) -> DevicePeaks | None:
-        """Return the peaks of attachments and links in run `i`; None without them."""
+        """Return the peaks of attachments and links in run `i`; None without devices."""
         if i in self.responses:
             return self.responses[i].devices
         if self.devices is None:
@@ -229,7 +229,7 @@ class Outcomes:
 
     def replace(self, i: int, attempt: Callable[[], Response | Collapse]) -> None:
         """Replace the results of run `i` by the results of an individual run. Elements and devices
-        remain unchanged, because `elements_of` and `devices_of` use those of the response.
+        remain unchanged, because `elements_of` and `devices_of` read the response.
 
         Parameters
         ----------
@@ -297,7 +297,7 @@ def run_batch(
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
     samples : SampleTables, optional
-        Other numbers of the building in each run, whose arrays are changed.
+        Parameters of the building in each run; the arrays are changed.
 
     Raises
     ------
@@ -317,7 +317,7 @@ def run_batch(
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
 
     def integrate_alone(run_case: Case, steps: Steps, history: bool, to_rest: bool) -> Response:
-        """Integrate a run in one direction individually."""
+        """Integrate a run with a single direction individually."""
         integrate_case = run_with_error_estimate if check else Case.integrate
         if not to_rest:
             return integrate_case(run_case, steps, history)
@@ -380,7 +380,7 @@ def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
     Parameters
     ----------
     vary : mapping of str to array
-        Values by name: one value, or one value per sample.
+        Values by name: a common value, or a value per sample.
     product : bool
         True for all combinations of the values; the last name varies fastest.
 

@@ -74,19 +74,19 @@ _LARGE_IMBALANCE = 0.01
 """Dimensionless. Energy error above which the result of a run includes a warning."""
 
 _PRODUCED_BY_METHOD = 1.0
-"""Dimensionless. Energy produced by the method divided by the input energy, from which a drift
-above the collapse drift is attributed to the method, not to the building.
+"""Dimensionless. Energy produced by the method divided by the input energy. If it is larger, a
+drift above the collapse drift is attributed to the method, not to the building.
 """
 
 _RUNAWAY = 100.0
-"""Dimensionless. Energy produced by the method divided by the input energy, from which a run with a
-collapse has diverged. 100 corresponds to ten times the amplitude.
+"""Dimensionless. Minimum energy produced by the method, divided by the input energy, of a run with
+collapse that has diverged. 100 corresponds to ten times the amplitude.
 """
 
 _WRONG_BALANCE = 1.0 + 1e-9
-"""Dimensionless. Energy imbalance divided by the input energy, from which a run without a collapse
-has diverged: its response is not that of the building. A method with numerical damping can
-dissipate all of the input energy, which is an imbalance of 1 within rounding.
+"""Dimensionless. Minimum energy imbalance, divided by the input energy, of a run without collapse
+that has diverged: its response is not the response of the building. A method with numerical damping
+can dissipate all of the input energy, which is an imbalance of 1 within rounding.
 """
 
 _EXCESS_FRACTION = 0.05
@@ -105,8 +105,8 @@ which a warning is added. The amplitude of the free vibration is approximate (ab
 """
 
 _END_AT_PEAK = 0.95
-"""Dimensionless. Drift at the end of a run divided by its peak, from which a story has not come
-back from its peak.
+"""Dimensionless. Minimum drift at the end of a run, divided by its peak, of a story that has not
+returned from its peak.
 """
 
 _REMEDY = "use a smaller step or another method"
@@ -133,10 +133,10 @@ class Case(Described):
         Run a method above its stability limit, and accept a response with energy that was produced
         by the method.
     remarks : tuple of str
-        Notes on the preparation of the case, one sentence each; they are included in the notes of
-        its runs.
+        Notes on the preparation of the case, one sentence per note; they are included in the notes
+        of its runs.
     across : Case | None
-        Case of direction y of a building in two directions, of which this is the case of x.
+        Case of direction y of a building in two directions; the case itself is for direction x.
     """
 
     model: Model
@@ -163,7 +163,7 @@ class Case(Described):
 
     @cached_property
     def plausibility_warnings(self) -> tuple[str, ...]:
-        """Warnings on unusual values of the building and the ground motion, except those that
+        """Warnings on unusual values of the building and the ground motion, except warnings that
         reading the record has reported. `tdint check` prints the same warnings.
         """
         reported = self.record.warnings if self.record else ()
@@ -499,7 +499,7 @@ class Case(Described):
 
     def _failed(self, steps: Steps, status: str, event: str, **attributes: Any) -> FailedRun:
         """Return the exception for a run that ended early. `event` is the rest of the sentence that
-        begins with the method and the time step."""
+        starts with the method and the time step."""
         label = self.method.label
         notes = (
             *self.remarks,
@@ -510,7 +510,7 @@ class Case(Described):
         return FailedRun(message, status, label, steps.h, notes=notes, **attributes)
 
     def recorded_collapse(self, steps: Steps, code: int, totals: Array) -> Collapse | None:
-        """Return the collapse that a time integration recorded, or None.
+        """Return the collapse that a time integration recorded, if any.
 
         A building collapses when a drift first exceeds the collapse drift or a story fails. The
         collapse is attributed to the building if the energy that the method produced up to this
@@ -725,14 +725,14 @@ class Case(Described):
         h : float
             Time step, s.
         completed : int
-            Number of completed time steps of this run.
+            Number of completed time steps of the run.
         ground : float
             Ground acceleration at the end of the last step, m/s^2.
 
         Returns
         -------
         RunState
-            State from which a run can continue.
+            State for the continuation of a run.
         """
         return RunState(
             h,
@@ -776,8 +776,8 @@ class Case(Described):
 
     @property
     def _remedy(self) -> str:
-        """Remedy for a wrong energy balance. Neither the step nor the method is the cause if modes
-        have negative damping ratios."""
+        """Remedy for a wrong energy balance. The damping is the cause if modes have negative
+        damping ratios."""
         return "correct the damping" if negative_damping(self.building) else _REMEDY
 
     def _imbalance_warnings(self, energy: Energy) -> list[str]:
@@ -927,7 +927,7 @@ def _fracture_warnings(
 
 def _interstep_warnings(response: Response) -> list[str]:
     """Return a warning that lists the peak quantities that may be much larger between time steps
-    than at them; empty if there are no such quantities.
+    than at the steps; empty if there are no such quantities.
     """
     quantities = {
         "drifts": "peak_drift",
@@ -1018,7 +1018,7 @@ def until_forces_end(model: Model, steps: Steps) -> Steps:
 
 
 def extend_to_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
-    """Integrate until free vibration has decayed, and return the number of time steps this takes.
+    """Integrate until free vibration has decayed, and return the number of time steps.
 
     Returns
     -------

@@ -33,10 +33,10 @@ VALIDATED_STEPS: set[Kernel] = set()
 """Steps of plug-ins that this process has executed in plain Python, or that are being executed."""
 
 STEPS_WITH_BALANCE: set[Kernel] = set()
-"""Steps of plug-ins of which this process has also validated the energies of yielding stories."""
+"""Steps of plug-ins with energies of yielding stories that this process has also validated."""
 
 _VALIDATION_LOCK = threading.RLock()
-if hasattr(os, "register_at_fork"):  # the thread that holds the lock does not exist in the child
+if hasattr(os, "register_at_fork"):  # the thread with the lock does not exist in the child
     os.register_at_fork(after_in_child=_VALIDATION_LOCK._at_fork_reinit)  # type: ignore[attr-defined]
 
 
@@ -63,7 +63,7 @@ def validate_plugin_step(integrator: Integrator, variant: Variant = LINEAR_OSCIL
 
 
 def _validate(integrator: Integrator, *, energies: bool) -> None:
-    """Check the energies of a step, or everything else, once for each version of its sources.
+    """Check the energies of a step, or all other properties, once for each version of its sources.
 
     After the check, an empty file is written to the cache directory.
     """
@@ -116,9 +116,9 @@ def _methods(supports: Callable[[Integrator], bool]) -> str:
 
 
 _MAX_DAMPING_RATIO = 1e5
-"""Damping ratio of a mode up to which the transition over a time step is well conditioned. The
-slowest rate behind a damper is 1 / (4 ratio^2) of the fastest one, so that its relative rounding
-error is about 1e-16 times 4 ratio^2: 1e-5 at this ratio."""
+"""Maximum damping ratio of a mode with a well conditioned transition over a time step. The slowest
+rate behind a damper is 1 / (4 ratio^2) of the fastest rate, so that its relative rounding error is
+about 1e-16 times 4 ratio^2: 1e-5 at this ratio."""
 
 
 def unsupported_reason(integrator: Integrator, building: Building) -> str:

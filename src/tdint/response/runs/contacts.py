@@ -1,4 +1,4 @@
-"""Closings of links whose laws have stops: their times, forces and energies.
+"""Closings of links with stops: their times, forces and energies.
 
 They follow from the deformations and their rates at the time steps, by a cubic Hermite polynomial
 in each step.
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
 
 _POINTS = 400
-"""Number of intervals of a contact, whose force is smooth: a maximum between two points is at most
-a relative 1e-5 above them."""
+"""Number of intervals of a contact. The force is smooth: a maximum between two points is at most a
+relative 1e-5 larger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class LinkContact:
     link : str
         Name of the link.
     closing : int
-        Number of the closing of this link, from 1.
+        Number of the closing of the link, from 1.
     """
 
     link: str

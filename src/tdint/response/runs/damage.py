@@ -45,7 +45,7 @@ class RunDamage:
 
     @property
     def state(self) -> list[str]:
-        """State of the building after each run: the highest state whose median the demand reaches,
+        """State of the building after each run: the highest state with a median up to the demand,
         or the type of collapse; empty without a result."""
         reached_counts = np.sum(self.demand[:, np.newaxis] >= np.array(self.states.medians), axis=1)
         states = []

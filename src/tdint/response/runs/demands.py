@@ -86,9 +86,8 @@ class Demand(Quantity):
     def error(self, stories: StoryPeaks, errors: StoryErrors) -> float:
         """Return the estimated error of the demand of one run, in the unit of the demand.
 
-        If errors are taken into account, the maximum may be in any story whose value plus its error
-        is at least the maximum. The result is the largest error of these stories; nan if no error
-        is known.
+        With errors, the maximum may be in any story if its value plus its error is at least the
+        maximum. The result is the largest error of these stories; nan if no error is known.
         """
         values, errors_of_stories = (
             self._story_values(source, stories) for source in (stories, errors)

@@ -55,7 +55,7 @@ REFERENCE = parse(DEFAULT_METHOD)
 """Method of the additional run that estimates the errors of most methods."""
 
 _MIN_ORDER = 4
-"""Minimum order of a method that estimates its errors itself. The rates were measured only for
+"""Minimum order of a method that estimates its own errors. The rates were measured only for
 `moment4` without numerical dissipation, which has order 4.
 """
 
@@ -103,7 +103,7 @@ _LOW_ORDER = EstimateFactors(DIFFERENCE_FACTOR, _MOST)
 """Factors for methods of order 1 and 2."""
 
 _HIGH_ORDER = EstimateFactors(3.0, _MOST, derivative_common=0.5)
-"""Factors for methods of order 3 and more. The error of both runs depends on the branch changes,
+"""Factors for methods of at least order 3. The error of both runs depends on the branch changes,
 reversals and contacts in their steps. At these, `impulse4` may gain no more than a factor of two by
 half the step, so that the difference can be a third of the error. With `_LOW_ORDER`, 0.6 % of the
 true errors of `impulse4` and `moment4` exceed twice the estimate, with these factors 0.3 % (104
@@ -111,7 +111,7 @@ random buildings).
 """
 
 _MIN_HIGH_ORDER = 3
-"""Order of the method from which `_HIGH_ORDER` applies."""
+"""Minimum order of a method with the factors `_HIGH_ORDER`."""
 
 FLOOR = 1e-5
 """Dimensionless. Minimum error estimate divided by the peak. Smaller errors include the tolerances
@@ -119,11 +119,11 @@ of iterations and the errors between time steps that both runs have in common.
 """
 
 _LONG_STEP = 5
-"""Number of sampling intervals in a time step, from which the additional run uses the sampling
+"""Minimum number of sampling intervals in a time step if the additional run uses the sampling
 interval as its time step instead of half the step. With half of such a step, both runs can miss the
 same contact, reversal or branch change; the difference of their peaks is then small although both
-are wrong. The additional run has half as many steps as the additional run of a run with the
-sampling interval as its time step.
+are wrong. The additional run has half the steps of the additional run of a run with the sampling
+interval as its time step.
 """
 
 _LONG_OF_PERIOD, _SHORT_OF_PERIOD, _MOST_PARTS = 20, 50, 50
@@ -138,12 +138,12 @@ _LONGER = 1.5
 """Duration of the run that measures the motion after a run until rest, divided by its duration."""
 
 _SAME = 1e-9
-"""Dimensionless. Relative difference up to which time steps are considered equal."""
+"""Dimensionless. Maximum relative difference of time steps that are considered equal."""
 
 _START, _START_HALVINGS = 2, 4
 """Number of time steps at the start of a building in motion that are repeated with shorter steps,
-and number of times that the step of the additional run is halved for this. Two steps find as many
-errors as sixteen steps (325 random buildings).
+and number of times that the step of the additional run is halved for this. Two steps detect the
+same number of errors as sixteen steps (325 random buildings).
 """
 
 _LATER_FACTOR = 2.0
@@ -198,7 +198,7 @@ def run_with_error_estimate(
 
 
 def reference(case: Case) -> Case:
-    """Return the case whose run estimates the errors of `case`."""
+    """Return the case of the additional run that estimates the errors of `case`."""
     return case.integrated_by(reference_method(case))
 
 
@@ -221,14 +221,14 @@ def reference_method(case: Case) -> Integrator:
     accurate. Of 23 046 true errors (600 random buildings, steps of .5 to 2 samples; `python
     tests/grid/additional_runs.py --seed 5 --cases 600`) exceed twice and ten times the estimate:
 
-    - 108 and 8 with `impulse4` and half the step, 17 and 2 with a quarter of it
-    - 70 and 9 with `moment4` and half the step, 3 and 0 with a quarter of it
+    - 108 and 8 with `impulse4` and half the step, 17 and 2 with a quarter of the step
+    - 70 and 9 with `moment4` and half the step, 3 and 0 with a quarter of the step
 
     12, 11, 19 and 19 % of the estimates are more than ten times too large, and a run with its
-    estimate takes 1, 1.22, 1.34 and 1.75 times the processor time.
+    estimate requires 1, 1.22, 1.34 and 1.75 times the processor time.
 
     In all other cases, it is the `default_reference_method`. A further run by newmark-average for
-    laws that remember from rest would find one of three errors beyond twice the estimate in 4500
+    laws that remember from rest would detect one of three errors above twice the estimate in 4500
     values, for 1.7 to 2 times the processor time (MEASUREMENTS, "Reliability of error estimates").
     """
     method, building = case.method.method, case.building
@@ -247,8 +247,8 @@ def reference_method(case: Case) -> Integrator:
 
 
 def _other_method(case: Case) -> Integrator | None:
-    """Return the method by which the method of the case declares that its errors are estimated in a
-    building whose forces change abruptly; None for other buildings and methods."""
+    """Return the method for error estimates that the method of the case declares for buildings with
+    abrupt changes of forces; None for other buildings and methods."""
     declared, building = case.method.method.estimated_by, case.building
     has_abrupt_forces = building.power_damped or building.braced or building.tangent_damped
     other = parse(declared) if declared and has_abrupt_forces else None
@@ -655,7 +655,7 @@ def run_until_rest(case: Case, steps: Steps, run: Callable[[float], Response]) -
 def _remaining_motion(case: Case, response: Response) -> Array:
     """Return the amplitudes of the drifts that remain at the end of a run until rest, m.
 
-    The stiffness at the end, from which `residual_oscillation` follows, is too large if a story
+    The stiffness at the end, used for `residual_oscillation`, is too large if a story
     continues to a softer branch after its force has changed its sign, or if a damper keeps a force.
     The drifts of a building that is not linear are therefore compared with the drifts of a run that
     is longer by half.

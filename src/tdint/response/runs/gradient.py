@@ -130,8 +130,8 @@ def number_at(model: Model, name: str) -> float:
 
 
 def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
-    """Return two values near the value x of a parameter (name as in `vary`, SI units), at which
-    runs are compared with it.
+    """Return two values near the value x of a parameter (name as in `vary`, SI units) for runs that
+    are compared with the run of x.
 
     The two values are x - d and x + d. If one value is out of range, both values are on the other
     side: x + d and x + 2 d, or x - d and x - 2 d. The distance d is `SIZE` times |x|. For x = 0 it
@@ -363,8 +363,8 @@ def _neighbor_runs(
     neighboring runs, in the order of `plan`, then of the parameters, then of the two neighbors.
 
     `numbers` contains the values of the parameters, by the indices of building and sample. A new
-    sample differs from its original sample in one parameter. Other parameters that are not varied
-    are nan, for the value of the model.
+    sample differs from its original sample in a single parameter. Other parameters that are not
+    varied are nan, for the value of the model.
     """
     # The keys are ((building, original sample), parameter, neighbor 0 or 1), and the values the
     # indices of the new samples.

@@ -111,7 +111,7 @@ class History(WithTable):
     element_force : ndarray, shape (steps + 1, elements), or None
         Forces of the elements of stories with several elements, N; None without such stories.
     element_labels : tuple of str
-        Story and name of each of these elements, such as `story_1_moat_wall`.
+        Story and name of each element, such as `story_1_moat_wall`.
     devices : DeviceHistory or None
         Histories of attachments and links; None without attachments and links.
     rows : tuple of str
@@ -245,8 +245,8 @@ def named_history(
 
 
 def _device_history(building: Building, series: dict[str, Array]) -> DeviceHistory:
-    """Return the histories of attachments and links; the deformations of links have the sign of
-    their ends in the model."""
+    """Return the histories of attachments and links; the deformations of links have the sign for
+    their direction in the model."""
     part, signs = building.device_columns, building.device_signs
     signed = ("drift", "shear", "damper_force")
     return DeviceHistory(
@@ -273,7 +273,7 @@ def chunks_with_error(
 
 def with_error(history: History, other: History) -> History:
     """Return a history with its estimated errors: the values of `other`, the history of the
-    additional run at the same times, minus its own values.
+    additional run at the same times, minus the values of `history`.
     """
     # The additional run includes the motion after the record, which a file omits.
     count = history.time.size
@@ -334,7 +334,7 @@ _DRIFT_RATE = _floor_difference(_VELOCITY_FIELD)
 
 
 def _damper_force(building: Building, loads: Loads, time: Array, table: Array) -> Array:
-    """Return the forces along the dampers, N; the arguments are those of `FieldFunction`."""
+    """Return the forces along the dampers, N; arguments as for `FieldFunction`."""
     force = building.device_force(_DRIFT_RATE(building, loads, time, table))
     if building.braced:
         force = force + _stored_field(_BRACE_FIELD)(building, loads, time, table)

@@ -1,4 +1,4 @@
-"""Response of models of matrices and inerters, in place of the compiled time loop.
+"""Response of models of matrices and inerters, instead of the compiled time loop.
 
 The load is linear within each interval, which is a sampling interval of the ground motion or a time
 step (the shorter of the two). The modes are therefore integrated exactly (`tdint.methods.exact`)
@@ -6,7 +6,7 @@ with any time step. Between the intervals, the response is computed on a grid th
 highest mode, and around each maximum of the grid by a polynomial with the derivatives at both
 endpoints of an interval, which the modes determine. The peaks are therefore the peaks of the
 continuous response. Models of inerters can also be integrated by the steps of
-`tdint.methods.linear_step`, whose time step must not exceed the sampling interval.
+`tdint.methods.linear_step`, with a time step of at most the sampling interval.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _MOST_PARTS = 8
 resolve follow the load almost statically."""
 
 _FINE_PARTS = 16
-"""Number of points in an interval of the grid at which the polynomial of a maximum is evaluated. A
+"""Number of points in an interval of the grid for the evaluation of the polynomial of a maximum. A
 parabola through three points then has a relative error of 1e-8."""
 
 _SMALL = 1e-9
@@ -126,7 +126,7 @@ class _Transition:
 
 @dataclass
 class _Output:
-    """Quantity whose peaks are wanted: the modal displacements, velocities or accelerations
+    """Quantity with required peaks: the modal displacements, velocities or accelerations
     (`derivative` 0, 1 or 2) times a matrix, plus the loads times another matrix.
 
     `peaks` is the array of the results, which is updated in place.
@@ -211,7 +211,7 @@ class LinearLoop:
 
         The derivative of their equation, q'' = -E^T w' - q' / tau with the modal accelerations w',
         has the form of the other equations. The velocities q' at the start follow from the equation
-        itself.
+        for q'.
         """
         count, modes = lag.rates.size, self.omega.size
         coupling, none = lag.coupling, np.zeros((modes, count))
@@ -314,7 +314,7 @@ class LinearLoop:
         return _Grid(all_states, accelerations, all_loads)
 
     def _outputs(self) -> list[_Output]:
-        """Return the quantities whose peaks the run reports."""
+        """Return the quantities with peaks in the results of the run."""
         system, peaks, shapes = self.system, self.space.peaks, self.shapes
         n, loads = self.building.masses, self.applied.shape[1]
         none, ground = np.zeros((self.building.stories, loads)), np.zeros((n, loads))
@@ -458,7 +458,7 @@ class LinearLoop:
             return
         drift = np.abs(grid.derivative(0) @ (self.system.deformations @ self.shapes).T)
         ratio = np.nan_to_num(drift / limit)
-        # A peak between two points of the grid can be the first one.
+        # A peak between two points of the grid can be the first peak.
         point = int(np.argmax(ratio.max(axis=1) > min(1.0, ratio.max() * (1.0 - 1e-12))))
         step = -(-point // per_step)
         totals[rows.COLLAPSE_STEP] = start + step
@@ -524,8 +524,8 @@ class LinearLoop:
         self, output: _Output, grid: _Grid, interval: float, point: _Indices, column: _Indices
     ) -> Array:
         """Return the maximum absolute values of rows of a quantity (`column`) in intervals of the
-        grid, which start at `point`: those of the polynomial through the values and the first three
-        derivatives at both ends."""
+        grid, which start at `point`: maxima of the polynomial through the values and the first
+        three derivatives at the start and end."""
         points, at = np.unique(np.concatenate([point, point + 1]), return_inverse=True)
         columns, at_column = np.unique(column, return_inverse=True)
         load_rate = (grid.loads[point + 1] - grid.loads[point]) / interval
@@ -601,7 +601,8 @@ def _vertex(before: Array, here: Array, after: Array) -> Array:
 
 
 def _integral(values: Array, rates: Array, interval: float) -> Array:
-    """Return the integral over each interval of a quantity with known rates at both ends."""
+    """Return the integral over each interval of a quantity with known rates at its start and
+    end."""
     return np.asarray(
         0.5 * interval * (values[:-1] + values[1:]) + interval**2 / 12.0 * (rates[:-1] - rates[1:])
     )

@@ -1,4 +1,4 @@
-"""Load case: forces on floors from a table that take the place of a ground motion."""
+"""Load case: forces on floors from a table that replace a ground motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LoadCase(Record):
     Attributes
     ----------
     loads : tuple of TableForce
-        Forces from the columns of one table. The floor 0 is the roof of each building.
+        Forces from the columns of a table. The floor 0 is the roof of each building.
     """
 
     loads: tuple[TableForce, ...] = ()
@@ -62,8 +62,8 @@ class LoadCase(Record):
         return replace(self, scale=self.scale * factor)
 
     def on(self, model: Model) -> Model:
-        """Return a model under this load case. Its own tables of forces are replaced, as its own
-        record is by a ground motion; its harmonic forces are kept."""
+        """Return a model under the load case, which replaces the tables of forces of the model (as
+        a ground motion replaces its record); harmonic forces are kept."""
         tables = tuple(
             load._replace(
                 floor=load.floor or len(model.stories),

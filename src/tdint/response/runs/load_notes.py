@@ -42,7 +42,7 @@ def default_step(tables: Sequence[TableForce], period: float) -> tuple[float, st
 
 
 def table_notes(tables: Sequence[TableForce], end: float) -> list[str]:
-    """Return the notes on tables that end with a force, or extend beyond the run.
+    """Return the notes on tables that end with a force, or after the end of the run.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def table_name(force: TableForce) -> str:
 
 def missing_times(model: Model, given: Collection[str] = ()) -> tuple[str, ...]:
     """Return a sentence about the time step and the duration that a run of a model without a record
-    requires and the file does not contain; empty if nothing is missing.
+    requires and the file does not contain; empty if both are given.
 
     `given` contains `dt` and `duration` if a campaign specifies them.
     """

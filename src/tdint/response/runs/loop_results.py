@@ -46,7 +46,7 @@ def columns(values: ValuesT, part: slice) -> ValuesT:
 
 def device_peaks(building: Building, space: Workspace, late: float) -> DevicePeaks | None:
     """Return the peaks of attachments and links at the end of a run and the bounds of
-    `interstep_peak_errors`; None without them."""
+    `interstep_peak_errors`; None without devices."""
     if not building.branched:
         return None
     result = replace(
@@ -64,7 +64,7 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
 def named_devices(building: Building, peaks: StoryPeaks, results: Array) -> DevicePeaks:
     """Return the values of attachments and links from the peaks of all columns and the array of
     `device_results`, of one run or with a first axis of runs. Ductilities end at the fracture; the
-    residual deformations of links have the sign of their ends in the model."""
+    residual deformations of links have the sign for their direction in the model."""
     devices = columns(peaks, building.device_columns)
     energy, times, drifts = np.moveaxis(results, -2, 0)
     residual = devices.residual_drift * building.device_signs
@@ -132,8 +132,8 @@ def residual_oscillation(
 def possible_growth(
     building: Building, space: Workspace, period: float, *, is_at_rest: bool
 ) -> float:
-    """Return by how much a peak drift may grow after the end of a run, relative to the peak, for
-    the story where this is largest.
+    """Return the possible growth of a peak drift after the end of a run, relative to the peak, for
+    the story with the largest growth.
 
     The drift of a story in free vibration is at most its distance from zero without a force plus
     its amplitude (`residual_oscillation`) with the first period of the building (s). If the ground

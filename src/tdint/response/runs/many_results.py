@@ -277,8 +277,8 @@ class Runs(Tabular):
         return table
 
     def _suites(self) -> dict[tuple[int, str], NDArray[np.int64]]:
-        """Return the indices of the runs of each suite, over which `limit_checks` averages the
-        demands, by the index of the building and the text of the level.
+        """Return the indices of the runs of each suite, by the index of the building and the text
+        of the level; `limit_checks` averages the demands over a suite.
 
         A suite contains a run under each record, of one building with equal parameters. If a
         record has several factors, each factor belongs to another suite.
@@ -320,7 +320,7 @@ _ARRAYS_OF_RUNS = (
     "record_rows",
     *("errors", "corrected", "varied", "gradient"),
 )
-"""Attributes of `Runs` with arrays whose first axis is the run."""
+"""Attributes of `Runs` with arrays that have the run as their first axis."""
 
 
 def kept_quantities(history: bool | str | Sequence[str], elements: int) -> tuple[str, ...]:

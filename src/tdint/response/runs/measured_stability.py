@@ -130,7 +130,7 @@ class Instability:
 
     @cached_property
     def largest_stable(self) -> float:
-        """Largest stable time step below h, s; 0 if there is none.
+        """Largest stable time step below h, s; 0 without a stable time step.
 
         It is computed on first access with about 150 measurements.
         """

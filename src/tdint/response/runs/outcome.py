@@ -196,7 +196,7 @@ class StoryPeaks(WithTable, StoryValues):
     isolator: Array
 
     def without_residual(self) -> "StoryPeaks":
-        """Return the peaks of a collapsed run, whose residual drifts are unknown (nan)."""
+        """Return the peaks of a collapsed run, with unknown residual drifts (nan)."""
         return replace(self, residual_drift=np.full_like(self.residual_drift, np.nan))
 
     def _headline(self) -> str:
@@ -531,10 +531,10 @@ class Response(Tabular):
     elements : ElementPeaks | None
         Results of the elements of stories with several elements; None without such stories.
     final_state : RunState
-        State at the end of the run, from which `run(..., initial=response.final_state)` continues.
+        State at the end of the run: `run(..., initial=response.final_state)` continues the run.
     directions : tuple of Response
-        Runs along x and y of a building in two directions, whose resultants are in `stories`;
-        empty for one direction.
+        Runs along x and y of a building in two directions (`stories` contains the resultants);
+        empty for a single direction.
     resultants : Resultants | None
         Resultants of displacements, drifts, accelerations and shears in two directions, with their
         times and directions; None for one direction.

@@ -164,7 +164,7 @@ class BatchResult(NamedTuple):
 
 def element_results(law_state: Array, stories: int) -> Array:
     """Return the maximum absolute force (N), the dissipated energy (J), the time of the fracture
-    (s) and the peak drift up to it (m; 0 without a fracture) of the elements of stories with
+    (s) and the peak drift until then (m; 0 without a fracture) of the elements of stories with
     several elements at the end of a run, shape (4, elements).
 
     `law_state` contains the law states of a building with `stories` stories.
@@ -197,7 +197,7 @@ class SampleTables(NamedTuple):
     limits : ndarray, shape (LIMIT_ROWS, runs, n)
         Limits of the samples (`tdint.methods.workspace.collapse_limits`).
     subject_of : callable
-        Function of the index of a run that returns its building alone (`Subject`).
+        Function of the index of a run that returns its building (`Subject`).
     """
 
     building: Building
@@ -342,8 +342,8 @@ class PreparedBuilding:
     points : ndarray
         Points of the tables in `forces`, which all runs share; empty by default.
     initial : RunState or None
-        State at the end of another run from which all runs continue. Numbers of steps are those of
-        the runs from this state; times include the time before.
+        State at the end of another run that all runs continue. Numbers of steps are counted from
+        this state; times include the time before.
     """
 
     building: Building
@@ -623,7 +623,7 @@ class PreparedBuilding:
             shape (rows, width)), to the end of the continued motion. The next run overwrites these
             rows. By default, histories are not kept.
         samples : SampleTables, optional
-            Tables of the building of each run, which are written to the arrays of this building.
+            Tables of the building of each run, which are written to the arrays of the building.
         """
         if self.initial:
             starts = [self._from_first_run(run.ground, run.steps) for run in runs]

@@ -50,8 +50,8 @@ from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
 _RUNS_PER_BATCH, _STEPS_PER_BATCH = 256, 200_000
-"""Largest number of runs, and of time steps of the longest run times runs, that a thread integrates
-in one batch. An interrupt waits for the end of a batch."""
+"""Largest number of runs, and of time steps of the longest run times runs, of a batch of a thread.
+An interrupt waits for the end of a batch."""
 
 
 class _Options(TypedDict, total=False):
@@ -428,7 +428,7 @@ def _empty_result(
     kept: tuple[str, ...],
     out: Any = None,
 ) -> Runs:
-    """Return the result with a row of nan for each run; the runs write their values to it.
+    """Return the result with a row of nan for each run, which is replaced by the values of the run.
 
     The quantities `kept` have histories with a row for each `every` steps of the longest run, in
     the arrays `out` of the caller (`history_arrays`) if there are any.
@@ -505,7 +505,7 @@ def _batches(
     request: RunsRequest, part: Sequence[RunSpec]
 ) -> Iterator[tuple[list[RunSpec], Subject, SampleTables | None]]:
     """Yield the runs of each batch with its building, and the tables of its samples if it has
-    several: the arrays of the building are then those of the first sample."""
+    several: the arrays of the building are then the arrays of the first sample."""
     is_varied = bool(request.building_parameters)
     for (model, _), group in groupby(part, key=lambda run: (run.model, run.steps.h)):
         runs = list(group)
@@ -519,7 +519,7 @@ def _batches(
 
 
 def _histories(result: Runs) -> HistoryArrays:
-    """Return the history arrays of a result whose runs are not complete."""
+    """Return the history arrays of a result with incomplete runs."""
     assert isinstance(result.history, HistoryArrays)
     return result.history
 
@@ -527,8 +527,8 @@ def _histories(result: Runs) -> HistoryArrays:
 def _history_writer(
     subject: Subject, result: Runs, runs: Sequence[RunSpec]
 ) -> Callable[[int, Array], None]:
-    """Return the function that writes the requested histories of runs of one building with one
-    time step to `result`.
+    """Return the function that writes the requested histories of runs of the same building and time
+    step to `result`.
     """
     prepared, h = subject.prepared, runs[0].steps.h
     # The functions compute a quantity from the rows of a history and write it to an array of the

@@ -112,7 +112,7 @@ class RunState(Described):
         return named_history(self.building, self.loads, space, self.dt)
 
     def require_same(self, building: Building, forces: Array, method: Integrator) -> None:
-        """Check that a building, its forces and a method are those of the state.
+        """Check that the state is of the same building, forces and method.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class RunState(Described):
         Raises
         ------
         UsageError
-            One of them differs, and the message names it.
+            The building, the forces or the method differ, as the message states.
         """
         own, system, other = self.building, self.building.system, building.system
         pairs = [

@@ -54,7 +54,7 @@ class EventSequence:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the events after which the building did not come to rest."""
+        """Notes on the events with free vibration that did not decay."""
         return tuple(
             f"the building still vibrated {REST_PERIODS:g} first periods after the end of event "
             f"{number}: the next event starts at this time"
@@ -97,9 +97,9 @@ def sequence_of(
         else:
             preceding = case.throughout(join_records(events[:number], starts))
             steps_to_rest, at_rest = extend_to_rest(preceding, preceding.steps(dt))
-            # Convert time steps to samples. If a step is shorter than the sampling interval, there
-            # are `per_sample` steps in an interval and `stride` is 1; if it is longer, a step
-            # covers `stride` samples and `per_sample` is 1.
+            # Convert time steps to samples. If a step is shorter than the sampling interval, an
+            # interval has `per_sample` steps and `stride` is 1; if it is longer, a step covers
+            # `stride` samples and `per_sample` is 1.
             samples = math.ceil(
                 steps_to_rest.count * steps_to_rest.stride / steps_to_rest.per_sample
             )

@@ -31,8 +31,8 @@ from tdint.response.time_steps import Steps, finer
 _FIRST_POWER, _FIRST_POWER_TIGHT = 2, 1
 """Exponents of the first time step: it is 2**_FIRST_POWER sampling intervals, or
 2**_FIRST_POWER_TIGHT for tolerances below `_TIGHT`. With eight intervals, two
-coarse runs may agree although both are wrong, and twice as many results exceed the tolerance. With
-two intervals, runs for tolerances of 1 % and more need 1.1 to 1.4 times as many solves (566 random
+coarse runs may agree although both are wrong, and twice the number of results exceed the tolerance.
+With two intervals, runs for tolerances of 1 % and more need 1.1 to 1.4 times the solves (566 random
 buildings, see "Reliability of error estimates" in tests/MEASUREMENTS.md)."""
 
 _TIGHT = 0.003
@@ -221,8 +221,8 @@ class _Search:
         return self.runs[level]
 
     def within(self, largest: float) -> tuple[int, Response]:
-        """Find a level that meets the tolerance with a time step of at most `largest` (s; inf for
-        no maximum); return the level and its response with error estimates.
+        """Return a level that meets the tolerance with a time step of at most `largest` (s; inf for
+        no maximum), and its response with error estimates.
 
         The search estimates the errors of a level, and predicts the number of levels to skip. A
         skipped level with a longer step could also meet the tolerance. The last level is
@@ -256,7 +256,7 @@ class _Search:
             previous, level = level, min(level + jump, last)
 
     def _first_level(self, largest: float, is_reference: bool) -> int:
-        """Return the first level whose errors are estimated.
+        """Return the first level with error estimates.
 
         `largest` is the maximum time step, s. `is_reference` is True if runs are compared with the
         previous run.
@@ -267,7 +267,7 @@ class _Search:
         return max(halvings, 1 if is_reference else 0)
 
     def _failure(self, response: Response | FailedRun) -> FailedRun:
-        """Return the failure of a search where no level meets the tolerance.
+        """Return the failure of a search without a level that meets the tolerance.
 
         `response` is the result of the level with the smallest time step.
         """

@@ -13,8 +13,8 @@ from tdint.response.runs.prepared import MAX_RESOLVED_OMEGA_DT
 
 
 def stiff_peak_warnings(model: Model, building: Building, response: Response) -> list[str]:
-    """Return a warning if stories that stiffen smoothly are so stiff at their peak drifts that the
-    time step does not resolve the motion.
+    """Return a warning if the time step does not resolve the motion of smoothly stiffening stories
+    at their peak drifts.
 
     Without stiffening, the initial stiffness decides (`PreparedBuilding`). Contacts, which are
     located or cause a possible excess of the peaks, are excluded.

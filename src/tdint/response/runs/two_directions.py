@@ -4,13 +4,13 @@ Both runs have the same method, time step and end. The resultant of a quantity a
 length of the vector (x, y) in plan. Its peak is located between time steps: within a step,
 displacements and drifts are the quintics of `tdint.kernels.step_interpolant`, accelerations their
 deviations from a straight line, and the base shear changes by the deviation of the drift times the
-slope of the force over the drift near the step. The curve of a vector with polynomial components
-lies in the convex hull of its Bezier points, so that only steps with a Bezier point outside of the
+slope of the force over the drift near the step. The convex hull of the Bezier points of a vector
+with polynomial components contains its curve, so that only steps with a Bezier point outside of the
 largest circle at the time steps are searched.
 
 The resultant is at least the larger of the peaks x and y of the separate runs, and at most their
-SRSS. Its estimated error is the SRSS of the errors of x and y. Each of them is the larger of the
-error of the peak and the error of the history at the time of the resultant.
+SRSS. Its estimated error is the SRSS of the errors of x and y. The error of x or y is the larger of
+the error of the peak and the error of the history at the time of the resultant.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def lines(values: Array) -> Array:
 
 def _accelerations(history: History, displacements: Array, h: float) -> Array:
     """Return the coefficients of the absolute accelerations of the floors within each step, from
-    those of the displacements.
+    the coefficients of the displacements.
 
     In the notation of `tdint.kernels.step_interpolant`, the deviation from the straight line is
     w s (1 - s) (B + D (1 - 2 s)).
@@ -100,10 +100,10 @@ def _accelerations(history: History, displacements: Array, h: float) -> Array:
 
 
 def _shears(history: History, drifts: Array) -> Array:
-    """Return the coefficients of the forces of the stories; `drifts` are those of the drifts."""
+    """Return the coefficients of the forces of the stories from the coefficients of the drifts."""
     rise, change = np.diff(history.shear, axis=0), np.diff(history.drift, axis=0)
-    # The slope of the step with the largest change of the drift, among the step and its neighbors,
-    # has no cancellation at reversals. In a linear story it is the stiffness.
+    # The slope of the step with the largest change of the drift, of the step and its neighbors, has
+    # no cancellation at reversals. In a linear story it is the stiffness.
     padded = np.pad(np.abs(change), ((1, 1), (0, 0)))
     nearest = np.argmax(np.stack((padded[1:-1], padded[:-2], padded[2:])), axis=0)
     offset = np.array([0, -1, 1])[nearest]
@@ -128,7 +128,7 @@ def peak_of_vector(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
     Parameters
     ----------
     x, y : ndarray, shape (terms, steps, n)
-        Coefficients of the components within each step, as of `quintics`.
+        Coefficients of the components within each step, as from `quintics`.
 
     Returns
     -------
@@ -206,7 +206,7 @@ def resultants_of(responses: Sequence[Response], rows: int) -> Resultants:
     responses : sequence of Response
         Runs along x and y with equal time steps and histories.
     rows : int
-        Number of rows of the histories. The peaks in x and y are those of the runs, unless the
+        Number of rows of the histories. The peaks in x and y are the peaks of the runs, unless the
         resultants end before a run.
     """
     h = responses[0].dt
@@ -248,7 +248,7 @@ def _history(response: Response) -> History:
 
 
 def _error(response: Response, name: str, peak_name: str, row: Any) -> Array:
-    """Return the estimated errors of a quantity in one direction near the rows of the histories."""
+    """Return the estimated errors of a quantity in a direction near the rows of the histories."""
     peaks = getattr(response.stories, peak_name)
     if response.check is None:
         return np.full_like(peaks, np.nan)
@@ -353,7 +353,7 @@ def combined(responses: Sequence[Response], record: PairRecord | None) -> Respon
 
 
 def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
-    """Return texts on both directions: common texts one time, others with their direction."""
+    """Return texts on both directions: common texts one time, other texts with their direction."""
     common = [text for text in x if text in y]
     return (
         *common,
@@ -375,11 +375,11 @@ def integrate_directions(
 ) -> Response:
     """Integrate a case in both directions and return the combined response (`combined`).
 
-    `integrate` is the function that integrates a case in one direction, with the arguments of
+    `integrate` is the function that integrates a case in a direction, with the arguments of
     `tdint.response.runs.run.integrate_case`.
 
     With a tolerance, both directions have the smaller of their time steps. A run that ends before
-    the other run is repeated up to the same end, unless one of them has collapsed. The histories of
+    the other run is repeated up to the same end, unless a run has collapsed. The histories of
     the directions are kept if `keep`.
 
     Raises

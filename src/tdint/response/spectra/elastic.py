@@ -58,7 +58,7 @@ InterpolationName = Annotated[
 
 _LANES = 4
 """Number of oscillators that the kernel integrates together: the values of a vector register. More
-would hardly be faster, and the memory for the maxima of a long record is proportional to it."""
+would hardly be faster, and would increase the memory for the maxima of a long record."""
 
 # Relative reduction of a quotient before it is rounded up, so that a rounding error does not
 # increase an integer quotient by 1
@@ -201,7 +201,7 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
 def groups(
     omega: Array, damping: float, dt: float, maxima: Maxima, lanes: int
 ) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
-    """Yield groups of oscillators whose time step is the same part of the sampling interval: their
+    """Yield groups of oscillators with the same part of the sampling interval as time step: their
     indices in `omega`, the number of time steps in a sampling interval, and a table of coefficients
     for the kernel.
 

@@ -96,7 +96,7 @@ def floor_motion(response: Response, floor: int | str) -> Record:
     Parameters
     ----------
     floor : int or str
-        Floor, from 1 at the bottom, or name of an attachment, whose station code is A01, A02, ...
+        Floor, from 1 at the bottom, or name of an attachment (station code A01, A02, ...).
 
     Raises
     ------

@@ -15,7 +15,7 @@ from tdint.tabular import Tabular
 from tdint.units import Quantity
 
 BANDWIDTH = 40.0
-"""Default bandwidth of the window, as in Geopsy and ObsPy. The weight is one half at a distance of
+"""Default bandwidth of the window, as in Geopsy and ObsPy. The weight is 0.5 at a distance of
 6 % of the frequency, and zero at 20 %."""
 
 _BANDWIDTH_RANGE = (1.0, 1000.0)
@@ -23,8 +23,8 @@ _BANDWIDTH_RANGE = (1.0, 1000.0)
 frequencies."""
 
 _MAX_FREQUENCIES = 300
-"""Maximum number of frequencies of a smoothed spectrum. Over four decades they are 3 % apart, which
-is half the distance to half the weight for b = 40."""
+"""Maximum number of frequencies of a smoothed spectrum. Over four decades their steps are 3 %, half
+the distance to half the weight for b = 40."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

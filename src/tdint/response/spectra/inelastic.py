@@ -48,7 +48,7 @@ _DUCTILITY_TOLERANCE = 1e-9  # tolerance of ln(ductility / target) of the result
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InelasticSpectrum(RecordSpectrum):
-    """Response of bilinear oscillators to a single record, for a single damping ratio and one
+    """Response of bilinear oscillators to a single record, for a single damping ratio and a single
     ductility or strength; arrays of shape (k,).
 
     `target` is `None` for spectra of constant strength. `elastic_sd` is the maximum displacement of

@@ -76,7 +76,7 @@ _EC8_END = 4.0
 # Period TE, s, by ground type (EN 1998-1:2004 table A.1); for longer periods the displacements of
 # Annex A apply
 _TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}
-_TF = 10.0  # s; period TF, from which the spectral displacement equals the ground displacement
+_TF = 10.0  # s; period TF: at longer periods, spectral and ground displacement are equal
 
 _MAX_PERIOD = 20.0
 """Maximum period of a two-period spectrum, s. TL of the maps is 4 to 16 s, and spectra of isolated
@@ -290,7 +290,8 @@ class TargetSpectrum:
         return float(2.0 * np.pi * np.max(self.psv) / np.max(self.psa))
 
     def check_damping(self, damping: float, spectra: str) -> None:
-        """Raise an error if the damping ratio of other spectra differs from that of the target.
+        """Raise an error if the damping ratio of other spectra differs from the ratio of the
+        target.
 
         Parameters
         ----------
@@ -604,7 +605,7 @@ def find_spectrum_header(lines: Sequence[str]) -> TableHeader | None:
     """Return the line of the names in the first lines of a spectrum, which titles may precede and
     a line of units may follow; None if the lines name no period and no ordinate.
 
-    The separator is that of the numbers below, which may be blanks.
+    The separator is the same as in the rows below, which may be blanks.
     """
     for number, line in enumerate(lines[:_MAX_TITLES], start=1):
         below = [text.strip() for text in lines[number : number + 3] if text.strip()]
@@ -748,7 +749,7 @@ class SpectrumDifference:
 def read_published(
     source: str | Path, damping: float, column: str | None = None
 ) -> PublishedSpectrum:
-    """Read a published spectrum from a CSV file whose header specifies quantities and units.
+    """Read a published spectrum from a CSV file with quantities and units in its header.
 
     Parameters
     ----------

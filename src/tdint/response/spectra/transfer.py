@@ -275,7 +275,7 @@ class _DynamicStiffness:
 
 
 def _resolved(stiffness: _DynamicStiffness) -> tuple[Array, Array]:
-    """Return frequencies (Hz) that resolve the resonances, and the responses at them."""
+    """Return frequencies (Hz) that resolve the resonances, and their responses."""
     natural = stiffness.building.modes().frequency
     highest = float(stiffness.building.stiffest_modes.omega[-1]) / (2.0 * math.pi)
     frequency = np.geomspace(_FIRST * natural[0], _LAST * highest, _COUNT)

@@ -36,7 +36,7 @@ from tdint.tabular import Tabular
 from tdint.units import DriftSize
 
 MAX_PUSHOVER_POINTS = 100_000  # maximum number of rows; larger tables are hard to open
-_FORCE_TOLERANCE = 1e-11  # tolerance of a force, divided by the maximum force of the story so far
+_FORCE_TOLERANCE = 1e-11  # tolerance of a force, divided by the previous maximum force of the story
 # Maximum number of iterations. Newton's method needs up to ten, and 60 bisections of an interval
 # reach the rounding errors
 _MAX_ITERATIONS = 60
@@ -55,7 +55,7 @@ _MIN_STEP_FRACTION = 1e-5
 # Maximum number of rows divided by the number of requested points. A path with snap-back has more
 # rows than requested, and may never reach the target
 _MAX_ROWS_PER_POINT = 20
-# Decrease of the roof displacement divided by its maximum, from which it is a snap-back and not a
+# Minimum decrease of the roof displacement, divided by its maximum, that is a snap-back and not a
 # rounding error
 _SNAP_BACK = 1e-9
 
@@ -383,7 +383,7 @@ class _Chain:
 
     @property
     def path(self) -> tuple[Array, Array]:
-        """Path so far: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
+        """Completed path: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
         return np.array([drift for drift, _ in self._states]), np.array(
             [base_shear for _, base_shear in self._states]
         )
@@ -479,7 +479,7 @@ class _Chain:
     def _find_state(
         self, excess: Excess, controlling: int, drift_step: float, drift: Array, base_shear: float
     ) -> tuple[Array, float]:
-        """Find the drifts and the base shear within a step where a quantity has its required value.
+        """Return the drifts and the base shear within a step for the required value of a quantity.
 
         The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
         present state and positive at the end of the step.

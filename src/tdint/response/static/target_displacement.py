@@ -39,12 +39,12 @@ _SECANT = 0.6
 _NEAR_FAULT_AT_1_S = 0.6
 # Fraction of the slope after the peak that is not due to P-delta in the limit of the strength ratio
 _LAMBDA, _LAMBDA_NEAR_FAULT = 0.2, 0.8
-# Period from which C_m is 1, s (ASCE 41-17, table 7-4)
+# Shortest period with C_m = 1, s (ASCE 41-17, table 7-4)
 _LONGEST_PERIOD_OF_C_M = 1.0
 # Ratio of the maximum displacement of the curve to the target displacement, required by EN 1998-1,
 # 4.3.3.4.2.3
 _REQUIRED_RANGE = 1.5
-# Relative deviation of the force from the first straight line, from which the building yields. It
+# Minimum relative deviation of the force from the first straight line in a building that yields. It
 # is a million times the residuals of equilibrium, and a thousandth of the deviation at first yield.
 _YIELD_TOLERANCE = 1e-6
 # Maximum relative difference of forces that are considered equal; residuals of equilibrium are a
@@ -159,7 +159,7 @@ class _PushoverCurve:
         return cls(pushed, roof, shear, area, drift)
 
     def idealized_to(self, displacement: float) -> float:
-        """Return the roof displacement (m) up to which the curve is idealized.
+        """Return the last roof displacement (m) of the idealized curve.
 
         It is the argument `displacement` (m), limited to the range from the end of the first
         straight line to the peak of the curve.
@@ -465,8 +465,8 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
 def _solve(
     method: str, curve: _PushoverCurve, idealize: Callable[[float], _IdealizedCurve]
 ) -> _IdealizedCurve:
-    """Return the idealization for the smallest roof displacement that reproduces itself; raise
-    AnalysisError if it exceeds the range of the curve.
+    """Return the idealization for the smallest roof displacement that its idealization reproduces;
+    raise AnalysisError if it exceeds the range of the curve.
     """
     roof_displacements = curve.roof[1:]
     previous = roof_displacements[0]
