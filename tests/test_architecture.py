@@ -334,7 +334,6 @@ NAMED_ELSEWHERE = {
         "src/tdint/response/spectra/elastic.py": "exact",
         "src/tdint/ground_motion/choice.py": "linear",
         "src/tdint/ground_motion/processing_steps.py": "linear",
-        "src/tdint/kernels/building/compiler.py": "tanh",
         "src/tdint/assessment/stability/stability_figures.py": "linear",
         "src/tdint/output/figures/spectrum_curves.py": "exact linear",
         "src/tdint/assessment/chart/chart_summary.py": "gap",

@@ -362,7 +362,7 @@ def event_of_one_story(d0, d3, w0, w1, sign, ignored=0.0):
         d0,
     )
     state[rows.VELOCITY, 0], scratch[:, 0] = w0 / h, (d3, w1 / h, ignored)
-    return first_event(linear_terms, h, state, law_state, scratch, 0, 1, 2)
+    return first_event(linear_terms, h, (state, law_state, scratch, None), (0, 1, 2))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

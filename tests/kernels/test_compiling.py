@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections import deque
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event
@@ -570,7 +569,8 @@ os.environ["TDINT_KERNELS"] = ""  # decorators without numba
 compiler = SimpleNamespace(
     objects_of=lambda function, *_: ([b"machine code"], function.__name__),
     objects_of_law=None,
-    LawTable=None
+    law_entry=None,
+    law_function=None,
 )
 sys.modules["tdint.kernels.building.compiler"] = compiler
 from tdint.kernels import build
@@ -629,10 +629,10 @@ def test_module_is_executed_alone_only_if_its_package_is_not_found(package):
 def test_process_started_after_stop_is_killed(monkeypatch):
     """The thread has taken the compilation from the list, but not yet started its process."""
     start_instead(monkeypatch, "import time; time.sleep(60)")
-    (group,) = process_module._groups(process_module.compilations([(scaled, ANY, "linux-aarch64")]))
-    work = process_module._Work(deque(), SimpleQueue(), set(), Event())
+    (compilation,) = process_module.compilations([(scaled, ANY, "linux-aarch64")])
+    work = process_module._Work([], SimpleQueue(), set(), Event())
     work.stopped.set()
-    with process_module._process(group[0], work) as (process, _):
+    with process_module._process(compilation, work) as (process, _):
         assert process.wait(30) != 0
     assert not work.running
 

@@ -157,7 +157,8 @@ def test_first_branch_change_agrees_with_roots_of_cubic_drifts(event, links):
             real = roots[np.abs(roots.imag) < 1e-9].real
             inside = np.append(real[(real > 0.0) & (real < 1.0)], NONE)
             expected = min(expected, (float(np.min(inside)), i))
-        first, story, how = first_event(linear_terms, h, state, law_state, scratch, 0, 1, 2)
+        memory = state, law_state, scratch, None
+        first, story, how = first_event(linear_terms, h, memory, (0, 1, 2))
         if expected[0] == NONE:
             assert first == NONE and story == -1
             continue

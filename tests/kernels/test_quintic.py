@@ -162,7 +162,7 @@ def test_story_is_searched_if_its_drift_or_shear_may_exceed_peak(on_path):
         ):
             for factor, exceeds in ((JUST_BELOW, True), (JUST_ABOVE, False)):
                 found = peaks.may_exceed_story_peaks(
-                    reach, of_end, stiffness, table(row, factor * value), 0
+                    reach, of_end, np.full((2, 1), stiffness), table(row, factor * value), 0
                 )
                 assert found == exceeds
     assert reversed_drifts == 100 if on_path else 20 < reversed_drifts < 80

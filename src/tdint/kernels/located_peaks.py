@@ -158,16 +158,9 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
                 force += brace_force_at(linear_terms, i, s * span.h, motion, force_0, table, row)
             table[first + rows.LOCATED_DEVICE, i] = force
         below, u_below, v_below = floor, u, v
-    internal_forces(
-        linear_terms,
-        modal,
-        law_state,
-        rows.SECOND_TRIAL,
-        table,
-        first + rows.LOCATED_VELOCITY,
-        first + rows.LOCATED_INTERNAL,
-        first + rows.LOCATED_SUM,
-    )
+    velocity, trial = first + rows.LOCATED_VELOCITY, rows.SECOND_TRIAL
+    internal, sums = first + rows.LOCATED_INTERNAL, first + rows.LOCATED_SUM
+    internal_forces(linear_terms, modal, law_state, trial, table, velocity, internal, sums)
     if FULL and has_damper_state:
         for i in range(n):
             force = table[first + rows.LOCATED_DEVICE, i]

@@ -218,16 +218,17 @@ def story_reach(span, story, shear, stiffness):
 
 
 @inline
-def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
+def may_exceed_story_peaks(reach, excess, law_parameters, peaks, i):
     """Return True if a drift or shear may exceed its recorded peak in a step.
 
     `reach` is the result of `story_reach`. `excess` is the effect of the drift acceleration at the
     end of the step on the bound of the drift, m: h^2 / 20 times its absolute value. The initial
-    `stiffness` converts it to a force. If the story can be stiffer, the bound of the shear is
+    stiffness converts it to a force. If the story can be stiffer, the bound of the shear is
     already practically infinite for each reversal.
     """
     max_drift, max_shear = reach
     exceeds = max_drift + excess > peaks[rows.PEAK_DRIFT, i]
+    stiffness = law_parameters[rows.STIFFNESS, i]
     return exceeds | (max_shear + stiffness * excess > peaks[rows.PEAK_SHEAR, i])
 
 
@@ -444,13 +445,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
                 )
                 if FULL and linear_terms[rows.BRACED_RELIEF, i] > 0.0:
                     located_count += _locate_relief(
-                        span.h,
-                        scene,
-                        passage,
-                        law_state,
-                        table,
-                        first + rows.TOTAL_SHEAR_INSTANT,
-                        i,
+                        span.h, scene, passage, law_state, story, located, i
                     )
             near_rest_above = near_rest
         floor = floor_below
@@ -458,17 +453,14 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
 
 
 @outlined
-def _locate_relief(h, scene, passage, law_state, table, row, i):
+def _locate_relief(h, scene, passage, law_state, story, located, i):
     """Replace the instant of the largest total shear of story `i` by the instant of its spring,
     with the initial stiffness, and its damper with a relief force.
 
     Returns 1 if the row had no instant and has one now, otherwise 0.
     """
-    linear_terms = scene.linear_terms
-    floor = floor_ends(False, passage, i)
-    floor_below = floor_ends(False, passage, base_of(linear_terms, i))
-    drift = law_state[rows.DRIFT, i]
-    story = story_ends(floor, floor_below, linear_terms[rows.LINK, i], drift)
+    linear_terms, table = scene.linear_terms, located.table
+    row = located.first + rows.TOTAL_SHEAR_INSTANT
     stiffness = scene.law_parameters[rows.STIFFNESS, i]
     spring = law_state[rows.FORCE, i] - stiffness * (story.u1 - story.u0), stiffness
     ends = story.u0, story.v0, story.u1, story.v1

@@ -91,6 +91,7 @@ BETA = 0
 # a1)
 _THETA = 0.5
 _BY_A = 1.0 / 12.0
+_KINEMATICS = (_THETA, _BY_A, _BY_A)
 
 
 class _TangentRows(NamedTuple):
@@ -125,21 +126,12 @@ def step(coefficients, scene, h, load, memory):
     is_last = False
     while True:
         is_stale = _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory)
-        # _BY_A is the weight of both a0 and a1.
-        residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
-        is_balanced = has_converged(
-            iterations == MAX_ITERATIONS,
-            RESIDUAL_TOLERANCE,
-            _BY_A,
-            linear_terms,
-            h,
-            state,
-            scratch,
-            step_status,
-        )
-        if is_last or (is_balanced and iterations == MAX_ITERATIONS):
+        residuals(_KINEMATICS, scene, h, memory)
+        is_final = iterations == MAX_ITERATIONS
+        is_balanced = has_converged(is_final, RESIDUAL_TOLERANCE, _KINEMATICS, scene, h, memory)
+        if is_last or (is_balanced and is_final):
             break
-        if iterations == MAX_ITERATIONS:
+        if is_final:
             return rows.NOT_CONVERGED
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, factors)

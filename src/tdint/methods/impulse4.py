@@ -79,6 +79,8 @@ from tdint.kernels.stories.law_state import (
 )
 from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 
+# Rows for `first_event`
+_EVENT_ROWS = (momentum.U1, momentum.V1, ROW.KINK)
 # Fraction of the path of the story drift in the substep. A substep reaches its branch change if the
 # drift at its end differs from the limit of the branch by no more than this tolerance.
 _LOCATION_TOLERANCE = 0.1
@@ -112,7 +114,7 @@ def step(coefficients, scene, h, load, memory):
     If the step is divided, STEP_PEAKS of `step_status` receives the row of the peaks in the scratch
     array.
     """
-    linear_terms, _, law_parameters, forces, flags = scene
+    linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
@@ -121,9 +123,8 @@ def step(coefficients, scene, h, load, memory):
             return code
     # Newton's method does not follow branches.
     step_status[rows.STEP_PEAKS] = 0.0
-    store_load(
-        linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch
-    )
+    ground = load[rows.GROUND_0], load[rows.GROUND_1]
+    store_load(scene, load[rows.TIME], h, ground, scratch)
     # Stories may change their branches (`keep_branches` is False), and rows DU and DV contain no
     # first estimate (`has_guess`).
     code = newton(False, False, coefficients, scene, h, memory, FACTORS)
@@ -164,7 +165,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
     + 4 n branch changes are located in a building with n stories and elements; repeated locations
     of the same change are counted.
     """
-    linear_terms, modal, law_parameters, forces, flags = scene
+    linear_terms, modal, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     is_piecewise_linear = flags[rows.BRANCHES] == rows.ALL_BRANCHES
@@ -189,15 +190,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
         # Complete time steps have a separate factorization, which is reused in the next step.
         factors = FACTORS if substep == h else FACTORS + factor_rows(modal.shape[0])
         ground = load[rows.GROUND_0] + ground_rate * elapsed
-        store_load(
-            linear_terms,
-            forces,
-            load[rows.TIME] + elapsed,
-            substep,
-            ground,
-            ground + ground_rate * substep,
-            scratch,
-        )
+        grounds = ground, ground + ground_rate * substep
+        store_load(scene, load[rows.TIME] + elapsed, substep, grounds, scratch)
         code = _solve_substep(has_guess, coefficients, scene, substep, memory, factors)
         if code < 0:
             if located_changes > 0:
@@ -215,16 +209,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
             )
             if outcome == _BEYOND_EVENT:
                 ends_at_event = False
-                fraction, story, event = first_event(
-                    linear_terms,
-                    substep,
-                    state,
-                    law_state,
-                    scratch,
-                    momentum.U1,
-                    momentum.V1,
-                    ROW.KINK,
-                )
+                fraction, story, event = first_event(linear_terms, substep, memory, _EVENT_ROWS)
                 if fraction != NONE:
                     column = column_of_event(law_parameters, law_state, story, event)
                     if located_changes == 0:
@@ -246,12 +231,9 @@ def _take_substeps(coefficients, scene, h, load, memory):
                     else:
                         # Change the branch at the start, without a substep, and solve again for the
                         # remaining step.
-                        if _change_branch(
-                            linear_terms, law_parameters, state, law_state, story, column, event
-                        ):
-                            _raise_peaks_after_jump(
-                                scene, load[rows.TIME] + elapsed, ground, memory
-                            )
+                        if _change_branch(scene, memory, story, column, event):
+                            t = load[rows.TIME] + elapsed
+                            _raise_peaks_after_jump(scene, t, ground, memory)
                         branch_changes += 1
                         substep = h - elapsed
                         if is_shortened:
@@ -271,15 +253,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
             False,  # kinked: the forces of the substep are lines
         )
         # REVERSED has no limit of the drift.
-        _accept_substep(
-            located_changes > 0,
-            story,
-            column,
-            event if ends_at_event else rows.REVERSED,
-            scene,
-            span,
-            memory,
-        )
+        end_event = event if ends_at_event else rows.REVERSED
+        _accept_substep(located_changes > 0, story, column, end_event, scene, span, memory)
         if is_shortened:
             # The remaining motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
@@ -287,7 +262,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
             is_shortened = False
         elapsed += substep
         if ends_at_event:
-            if _change_branch(linear_terms, law_parameters, state, law_state, story, column, event):
+            if _change_branch(scene, memory, story, column, event):
                 _raise_peaks_after_jump(scene, span.t, span.ground_1, memory)
             branch_changes += 1
             ends_at_event = False
@@ -372,7 +347,7 @@ def _shorten_increments(fraction, h, state, scratch, n):
 
 
 @outlined
-def _change_branch(linear_terms, law_parameters, state, law_state, story, column, event):
+def _change_branch(scene, memory, story, column, event):
     """Change the branch of the law in one column at a located event: ABOVE, BELOW or REVERSED.
 
     Because of rounding and the error of the interpolant, the drift may be slightly before the
@@ -388,6 +363,8 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
 
     The result is True if the law has lost a part of its force.
     """
+    linear_terms, law_parameters = scene.linear_terms, scene.law_parameters
+    state, law_state, _, _ = memory
     force = law_state[rows.FORCE, story]
     if FULL and law_parameters[rows.CODE, story] <= rows.ELEMENTS:
         _change_branches_of_elements(law_parameters, law_state, story, column, event)
@@ -454,13 +431,8 @@ def _leave_branch(law_parameters, law_state, story, event):
     if event == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
         switch(law_parameters, law_state, story, 0, event)
     else:
-        advance_outlined(
-            law_parameters,
-            law_state,
-            story,
-            0,
-            law_state[rows.UPPER, story] if event == rows.ABOVE else law_state[rows.LOWER, story],
-        )
+        limit = law_state[rows.UPPER if event == rows.ABOVE else rows.LOWER, story]
+        advance_outlined(law_parameters, law_state, story, 0, limit)
         switch(law_parameters, law_state, story, 0, event)
         if law_state[rows.SLOPE, story] < math.inf:
             advance_outlined(law_parameters, law_state, story, 0, drift)
@@ -480,17 +452,14 @@ def _change_exceeded_branches(scene, memory):
     story at its start. After the last substep of a step this function changes it, because the
     observer reports the force at the end of the step.
     """
-    state, law_state, _, _ = memory
-    count = 0
+    law_state, count = memory.law_state, 0
     for i in range(scene.linear_terms.shape[1] - 1):
         drift = law_state[rows.DRIFT, i]
         is_above = drift > law_state[rows.UPPER, i]
         if is_above or drift < law_state[rows.LOWER, i]:
             event = rows.ABOVE if is_above else rows.BELOW
             column = column_of_event(scene.law_parameters, law_state, i, event)
-            _change_branch(
-                scene.linear_terms, scene.law_parameters, state, law_state, i, column, event
-            )
+            _change_branch(scene, memory, i, column, event)
             count += 1
     return count
 

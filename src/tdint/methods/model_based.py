@@ -219,12 +219,9 @@ def chang_step(coefficients, scene, h, load, memory):
     half_h = 0.5 * h
     displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE, linear_terms)
     # For modal damping, each factorization needs two rows per damped mode and a temporary row.
+    store = _STORE + 2 * modal.shape[0] + 1
     acceleration_factors = Factors(
-        scratch,
-        _ROW.SECOND_PIVOT,
-        _ROW.SECOND_COUPLING,
-        _STORE + 2 * modal.shape[0] + 1,
-        linear_terms,
+        scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, store, linear_terms
     )
     # Both factorizations remain valid while h is the same.
     if step_status[rows.FACTORED_STEP] != h:

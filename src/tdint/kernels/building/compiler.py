@@ -6,6 +6,7 @@ Only the functions of `tdint.kernels.build` import this module.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from inspect import unwrap
@@ -43,40 +44,7 @@ _OPTIONS = {
     "forceinline": False,  # otherwise inherited from the function that calls
 }
 
-_MATH = {
-    *(
-        "acos",
-        "acosh",
-        "asin",
-        "asinh",
-        "atan",
-        "atan2",
-        "atanh",
-        "cbrt",
-        "ceil",
-        "cos",
-        "cosh",
-        "erf",
-        "erfc",
-        "exp",
-    ),
-    *(
-        "exp2",
-        "expm1",
-        "floor",
-        "fmod",
-        "hypot",
-        "ldexp",
-        "log",
-        "log10",
-        "log1p",
-        "log2",
-        "pow",
-        "rint",
-        "sin",
-    ),
-    *("sincos", "sinh", "sqrt", "tan", "tanh", "trunc", "memcpy", "memmove", "memset"),
-}
+_MATH = {*dir(math), "rint", "sincos", "memcpy", "memmove", "memset"}
 """Functions of the C library (mathematics and memory) that an object file may call."""
 
 _TARGET_LINES = re.compile(r"^target (datalayout|triple) = .*\n", re.MULTILINE)
@@ -261,91 +229,56 @@ def copy_rows_within(typing_context, table, source, target, count):
 _NUMBER, _REAL = ir.IntType(64), ir.DoubleType()
 
 
-class LawTable:
-    """Access of compiled code to the table of laws.
+@intrinsic
+def law_entry(typing_context, code, slot):
+    """Return the numba signature and the code generator of an entry of the table of laws.
 
-    Parameters
-    ----------
-    code_row : int
-        Row of the table `law_parameters` with the numbers of the laws.
+    In a kernel, `law_entry(code, slot)` is the entry `slot` of the law with the number `code`.
     """
 
-    def __init__(self, code_row: int) -> None:
-        """Store the row."""
-        self.code_row = code_row
-
-    def caller(self, hook: str) -> Any:
-        """Return a compiled function that calls a function of the law of a story."""
-        signature, slot = HOOKS[hook], list(HOOKS).index(hook)
-        returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
-
-        @intrinsic
-        def call(typing_context, passed):
-            """Return the signature of a call and the function that generates its code."""
-
-            def generate(context, builder, call_signature, values):
-                """Generate the code of the call."""
-                given = call_signature.args[0]
-                converted = [
-                    context.cast(builder, value, value_type, argument)
-                    for value, value_type, argument in zip(
-                        cgutils.unpack_tuple(builder, values[0], len(arguments)),
-                        given,
-                        arguments,
-                        strict=True,
-                    )
-                ]
-                parameters, state = (
-                    context.make_array(table)(context, builder, value)
-                    for table, value in zip(arguments, converted[:2], strict=False)
-                )
-                row_counts = [
-                    builder.extract_value(table.shape, 0) for table in (parameters, state)
-                ]
-                columns = builder.extract_value(parameters.shape, 1)
-                address = self._entry(builder, parameters, converted[2], slot)
-                function = builder.inttoptr(address, _c_type(signature).as_pointer())
-                result = builder.call(
-                    function, [parameters.data, state.data, columns, *converted[2:], *row_counts]
-                )
-                return context.get_dummy_value() if returns == types.none else result
-
-            return returns(passed), generate
-
-        @inline
-        def call_law(*arguments):
-            """Call the function of the law with its arguments."""
-            return call(arguments)
-
-        return call_law
-
-    def properties(self) -> Any:
-        """Return a compiled function (law_parameters, i) -> properties of the law of a story."""
-
-        @intrinsic
-        def read(typing_context, law_parameters, i):
-            """Return the signature and the function that generates the code."""
-
-            def generate(context, builder, signature, values):
-                """Generate the code that reads the properties."""
-                parameters = context.make_array(signature.args[0])(context, builder, values[0])
-                return self._entry(builder, parameters, values[1], len(HOOKS))
-
-            return types.int64(law_parameters, types.intp), generate
-
-        return read
-
-    def _entry(self, builder: Any, parameters: Any, i: Any, slot: int) -> Any:
-        """Generate the code that reads an entry of the table for the law of story `i`."""
+    def generate(context, builder, signature, values):
+        """Generate the code that reads the entry."""
         module = builder.module
         table = module.globals.get(LAWS_SYMBOL)
         if table is None:  # declared; the process that loads the object file defines it
             table = ir.GlobalVariable(module, ir.ArrayType(_NUMBER, 0), LAWS_SYMBOL)
-        columns = builder.extract_value(parameters.shape, 1)
-        index = builder.add(builder.mul(columns, _NUMBER(self.code_row)), i)
-        twice = builder.fmul(builder.load(builder.gep(parameters.data, [index])), _REAL(2.0))
-        row = builder.mul(builder.fptosi(twice, _NUMBER), _NUMBER(len(HOOKS) + 1))
-        return builder.load(builder.gep(table, [_NUMBER(0), builder.add(row, _NUMBER(slot))]))
+        twice = builder.fptosi(builder.fmul(values[0], _REAL(2.0)), _NUMBER)
+        row = builder.mul(twice, _NUMBER(len(HOOKS) + 1))
+        return builder.load(builder.gep(table, [_NUMBER(0), builder.add(row, values[1])]))
+
+    return types.int64(types.float64, types.int64), generate
+
+
+def law_function(signature: Signature) -> Any:
+    """Return a compiled function (address, arguments) that calls a function of a law with the tuple
+    of its arguments."""
+    returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
+
+    @intrinsic
+    def call(typing_context, address, passed):
+        """Return the signature of a call and the function that generates its code."""
+
+        def generate(context, builder, call_signature, values):
+            """Generate the code of the call."""
+            given = cgutils.unpack_tuple(builder, values[1], len(arguments))
+            parameters, state, *others = (
+                context.cast(builder, value, value_type, argument)
+                for value, value_type, argument in zip(given, passed, arguments, strict=True)
+            )
+            table = context.make_array(arguments[0])
+            parameters, state = (table(context, builder, value) for value in (parameters, state))
+            parameter_rows, columns = cgutils.unpack_tuple(builder, parameters.shape)
+            state_rows, _ = cgutils.unpack_tuple(builder, state.shape)
+            function = builder.inttoptr(values[0], _c_type(signature).as_pointer())
+            counts = [parameter_rows, state_rows]
+            result = builder.call(
+                function, [parameters.data, state.data, columns, *others, *counts]
+            )
+            return context.get_dummy_value() if returns == types.none else result
+
+        return returns(address, passed), generate
+
+    return call
 
 
 def _c_type(signature: Signature) -> Any:

@@ -384,7 +384,10 @@ def _start_compilation(groups: Sequence[Sequence[tuple[Compilable, str]]], folde
     """
     # The kernels that the time loop calls, the first group, are compiled last. If their object
     # files exist, the object files of the other kernels also exist.
-    names = [[(kernel.name, form) for kernel, form in group] for group in reversed(groups)]
+    keys = [
+        [(getattr(kernel, "code", kernel.name), form) for kernel, form in group]
+        for group in reversed(groups)
+    ]
     file = folder / BACKGROUND_LOCK
     if file.exists() and not file.is_file():  # opening a named pipe would block
         raise FileExistsError(errno.EEXIST, f"{file} is not a file")
@@ -395,7 +398,7 @@ def _start_compilation(groups: Sequence[Sequence[tuple[Compilable, str]]], folde
         # groups (`compile_in_background`).
         if lock(stream.fileno()):
             spawn_detached(
-                [sys.executable, "-P", "-c", _BACKGROUND_PROGRAM, json.dumps(names)], folder
+                [sys.executable, "-P", "-c", _BACKGROUND_PROGRAM, json.dumps(keys)], folder
             )
 
 

@@ -140,37 +140,13 @@ class Loaded:
         self.address = self._engine.get_function_address(symbol)
         if not self.address:
             raise ValueError(f"the object file contains no function {symbol}")
-        result_type: Any = _NUMBERS[signature.returns.name][0]
+        self._result_type: Any = _NUMBERS[signature.returns.name][0]
         self._arguments = signature.arguments
         self._converters = _converters(signature.arguments)
-        self._result_type = result_type
-        # In the calling convention of numba, the result is an error code (0 without an error). The
-        # first two arguments are the addresses for the result of the kernel and for a description
-        # of an exception.
-        prototype = ctypes.CFUNCTYPE(
-            ctypes.c_int32,
-            ctypes.POINTER(result_type),
-            ctypes.c_void_p,
-            *(c_type for types, _ in self._converters for c_type in types),
-        )
-        self._function = prototype(self.address)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the kernel and return its result, a float or an int.
-
-        Raises TypeError if an array does not match the signature, ValueError if the number of
-        arguments differs from the signature, and RuntimeError if the compiled function returns an
-        error code.
-        """
-        flat: list[Any] = []  # arguments of the C function
-        for (_, convert), argument in zip(self._converters, arguments, strict=True):
-            convert(argument, flat)
-        result = self._result_type()
-        exception = ctypes.c_void_p()  # required by the calling convention, not read
-        # The C function returns an error code, 0 without an error, and stores the result.
-        if self._function(result, ctypes.addressof(exception), *flat):
-            raise RuntimeError("a kernel raised an exception")
-        return result.value
+        """Call the kernel and return its result, a float or an int (`bind`)."""
+        return self.bind(*arguments)()
 
     def bind(self, *last: Any) -> Callable[..., Any]:
         """Return a function of the first arguments, which are numbers, that calls the kernel with
@@ -178,9 +154,13 @@ class Loaded:
 
         The last arguments are converted to C arguments only one time, and the first arguments are
         written to the same C numbers in each call: the conversion is most of the time of a call.
+
+        Raises TypeError if an array does not match the signature, and ValueError if the number of
+        arguments exceeds the signature. The function raises RuntimeError if the compiled function
+        returns an error code.
         """
         first_count = len(self._converters) - len(last)
-        flat: list[Any] = []
+        flat: list[Any] = []  # arguments of the C function
         for (_, convert), argument in zip(self._converters[first_count:], last, strict=True):
             convert(argument, flat)
         last_types = [c_type for types, _ in self._converters[first_count:] for c_type in types]
@@ -197,7 +177,9 @@ class Loaded:
             *(number for number, _ in numbers),
             *(c_type.from_param(part) for c_type, part in zip(last_types, flat, strict=True)),
         )
-        # Without argument types, C arguments are passed unchanged.
+        # In the calling convention of numba, the result is an error code (0 without an error). The
+        # first two arguments are the addresses for the result of the kernel and for a description
+        # of an exception, which is not read. Without argument types, they are passed unchanged.
         function = ctypes.CFUNCTYPE(ctypes.c_int32)(self.address)
 
         def call(*first: Any) -> Any:

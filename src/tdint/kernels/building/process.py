@@ -9,7 +9,6 @@ import os
 import re
 import subprocess
 import sys
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -181,8 +180,7 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     """Run one process for each processor in parallel, and yield each compilation with its object
     files (one for each target) when it is completed.
 
-    Each process is controlled by a thread, which takes the next group (`_groups`) from a common
-    list.
+    Each process is controlled by a thread, which takes the next compilation from a common list.
 
     Raises
     ------
@@ -195,46 +193,24 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
             f"{names}: compiled time loops are not included in this installation; install numba "
             "to compile them"
         )
-    work = _Work(deque(_groups(compilations)), SimpleQueue(), set(), Event())
-    count = min(processors(), len(work.waiting))
+    # The longest estimated time is first: a long compilation that starts last would delay the end,
+    # while the other processes are idle.
+    waiting = sorted(compilations, key=lambda item: size(item.kernel.name), reverse=True)
+    work = _Work(waiting, SimpleQueue(), set(), Event())
+    count = min(processors(), len(waiting))
     with ThreadPoolExecutor(max(count, 1)) as pool:
         try:
-            for number in range(count):
-                try:
-                    pool.submit(_compile_waiting, work)
-                except RuntimeError as error:
-                    # With a limit on threads, the threads that could be started compile everything.
-                    if number == 0:
-                        raise _nothing_started(compilations[0], error) from None
-                    break
+            for _ in range(count):
+                pool.submit(_compile_waiting, work)
             for _ in compilations:
-                # Object files, or the exception that ended the compilation
-                compilation, packed = work.done.get()
-                if isinstance(packed, BaseException):
-                    raise packed
-                yield compilation, packed
+                completed = work.done.get()
+                if isinstance(completed, BaseException):
+                    raise completed
+                yield completed
         finally:
             work.stopped.set()
             for process in [*work.running]:
                 process.kill()
-
-
-def _groups(compilations: Iterable[Compilation]) -> list[list[Compilation]]:
-    """Return the compilations in groups with equal settings and of one module. A process compiles a
-    group sequentially, and compiles code that its kernels share once.
-
-    The longest estimated time is first: a long group that starts last would delay the end, while
-    the other processes are idle.
-    """
-    groups: dict[Any, list[Compilation]] = {}
-    for compilation in compilations:
-        key = (*compilation.settings.items(), compilation.kernel.module)
-        groups.setdefault(key, []).append(compilation)
-    return sorted(
-        groups.values(),
-        key=lambda group: sum(size(compilation.kernel.name) for compilation in group),
-        reverse=True,
-    )
 
 
 class _Work(NamedTuple):
@@ -243,94 +219,75 @@ class _Work(NamedTuple):
     Attributes
     ----------
     done : SimpleQueue
-        Completed compilations, each with its object files or with the exception that ended it.
+        Completed compilations, each with its object files, or the exception that ended one.
     running : set of Popen
         Processes that have not ended.
     stopped : Event
         Is set when no further process may start.
     """
 
-    waiting: deque[list[Compilation]]
-    done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]]
+    waiting: list[Compilation]
+    done: SimpleQueue[tuple[Compilation, list[bytes]] | BaseException]
     running: set[subprocess.Popen[bytes]]
     stopped: Event
 
 
 def _compile_waiting(work: _Work) -> None:
-    """Compile the waiting groups, one process after the other, until no group is left.
+    """Compile waiting kernels and laws, one process after the other, until none is left.
 
     Each thread of `run_all` calls this function. An error ends it.
     """
-    while not work.stopped.is_set():
-        try:
-            group = work.waiting.popleft()
-        except IndexError:  # no group is left
-            return
-        compilation = group[0]
-        try:
+    try:
+        while compilation := _next(work):
             with _process(compilation, work) as (process, errors):
-                # The process has compiled functions that kernels share, and takes further groups.
-                while group and not work.stopped.is_set():
-                    _request(process, group)
-                    for compilation in group:
-                        work.done.put((compilation, _objects(process, errors, compilation)))
-                    group = _next_group(work, compilation.settings)
-        except BaseException as error:
-            work.done.put((compilation, error))
-            return
+                # The process compiles code that kernels share once: it takes all it can compile.
+                next_one: Compilation | None = compilation
+                while next_one:
+                    work.done.put((next_one, _objects(process, errors, next_one)))
+                    next_one = _next(work, compilation.settings)
+    except BaseException as error:
+        work.done.put(error)
 
 
-def _next_group(work: _Work, settings: Mapping[str, str]) -> list[Compilation]:
-    """Remove and return the first waiting group with equal settings; empty if there is none."""
-    for group in [*work.waiting]:
-        if group[0].settings == settings:
+def _next(work: _Work, settings: Mapping[str, str] | None = None) -> Compilation | None:
+    """Remove and return the first waiting compilation, with equal settings if any are given; None
+    if there is none, or if no compilation may start."""
+    for compilation in [] if work.stopped.is_set() else [*work.waiting]:
+        if settings in (None, compilation.settings):
             with suppress(ValueError):  # another thread has taken it
-                work.waiting.remove(group)
-                return group
-    return []
-
-
-def _request(process: subprocess.Popen[bytes], group: Sequence[Compilation]) -> None:
-    """Request the compilation of a group from a process."""
-    requests = "".join(json.dumps(compilation.request) + "\n" for compilation in group)
-    assert process.stdin is not None
-    # The standard input remains open, because its end would end the process.
-    with suppress(OSError):  # the process has ended, and its output contains the reason
-        process.stdin.write(requests.encode())
-        process.stdin.flush()
+                work.waiting.remove(compilation)
+                return compilation
+    return None
 
 
 @contextmanager
 def _process(
     first: Compilation, work: _Work
 ) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes]]]:
-    """Yield a process that compiles groups, and the file of its error output. The process is
-    killed at the end of the `with` statement.
+    """Yield a process with the settings of a compilation, and the file of its error output. The
+    process is killed at the end of the `with` statement.
 
     Raises
     ------
-    AnalysisError
-        No process can be started, or a kernel is not in a module that it can load.
+    OSError
+        No process can be started.
     """
     pipe, path = subprocess.PIPE, os.pathsep.join(filter(None, sys.path))
     # The process must never wait for a full pipe, therefore its error output is a file.
     with unnamed_file() as errors:
-        try:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "tdint.kernels.build"],
-                stdin=pipe,
-                stdout=pipe,
-                stderr=errors,
-                env={
-                    **{**os.environ, **first.settings},
-                    "PYTHONPATH": path,
-                    "TDINT_KERNELS": "compile",
-                    "OPENBLAS_NUM_THREADS": "1",
-                    "PYTHONHASHSEED": "0",  # equal object code: numba iterates over sets of names
-                },
-            )
-        except OSError as error:
-            raise _nothing_started(first, error) from None
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "tdint.kernels.build"],
+            stdin=pipe,
+            stdout=pipe,
+            stderr=errors,
+            env={
+                **{**os.environ, **first.settings},
+                "PYTHONPATH": path,
+                "TDINT_KERNELS": "compile",
+                "OPENBLAS_NUM_THREADS": "1",
+                "PYTHONHASHSEED": "0",  # equal object code: numba iterates over sets of names
+            },
+        )
         work.running.add(process)
         try:
             if work.stopped.is_set():  # after `run_all` has killed the running processes
@@ -345,15 +302,19 @@ def _process(
 def _objects(
     process: subprocess.Popen[bytes], errors: IO[bytes], compilation: Compilation
 ) -> list[bytes]:
-    """Return the contents of the object file of a compilation for each target, which its process
-    writes to its standard output.
+    """Request a compilation from a process, and return the contents of its object file for each
+    target, which the process writes to its standard output.
 
     Raises
     ------
     AnalysisError
         The kernel cannot be compiled. The process has ended.
     """
-    assert process.stdout is not None
+    assert process.stdin is not None and process.stdout is not None
+    # The standard input remains open, because its end would end the process.
+    with suppress(OSError):  # the process has ended, and its output contains the reason
+        process.stdin.write(json.dumps(compilation.request).encode() + b"\n")
+        process.stdin.flush()
     # An object for each target, or fewer objects after a failure
     packed: list[bytes] = []
     while len(packed) < len(compilation.targets) and (length := process.stdout.readline()):
@@ -370,15 +331,3 @@ def _objects(
     message = compilation.reason(text) or f"exit code {code}"
     output = RuntimeError("\n".join(text))  # shown with --debug
     raise AnalysisError(f"{compilation.kernel.name} cannot be compiled: {message}") from output
-
-
-def _nothing_started(compilation: Compilation, error: Exception) -> AnalysisError:
-    """Return the exception for a kernel if no process or no thread can be started.
-
-    `compilation` is the compilation that requested the process, and `error` the reason.
-    """
-    return AnalysisError(
-        f"{compilation.kernel.name} cannot be compiled: no process or thread can be started "
-        f"({error}); raise the limit on processes (ulimit -u, pids of a container), or set "
-        "TDINT_KERNELS=python"
-    )

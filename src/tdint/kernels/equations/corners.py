@@ -106,56 +106,41 @@ _follow_path_storing_corners = path.along_branches(_skip_branch, _store_branch_e
 
 
 @inline
-def _direction(segment, no_reversal):
-    """Return the direction of the movement of a story along a part of its path: 1, -1 or 0."""
-    drift_change = (
-        segment.rise
-        if no_reversal
-        else path.drift_at(segment, segment.end) - path.drift_at(segment, segment.begin)
+def _store_corners_on(part, no_reversal, scene, law_state, column, corners):
+    """Follow a part of the path of a story, and store its corners. If `no_reversal`, the direction
+    is that of the complete path."""
+    target = path.drift_at(part, part.end)
+    change = part.rise if no_reversal else target - path.drift_at(part, part.begin)
+    side = math.copysign(1.0, change) if change != 0.0 else 0.0
+    _follow_path_storing_corners(
+        scene.law_parameters, law_state, column, rows.SECOND_TRIAL, part, side, target, corners
     )
-    return math.copysign(1.0, drift_change) if drift_change != 0.0 else 0.0
 
 
 @outlined
-def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
-    """Find the corners of story `i` in the step: store their times, and raise the peaks of drift
-    and story force at the ends of branches.
+def _find_corners(scene, memory, i, column):
+    """Find the corners of the law in a column of story `i` in the step: store their times, and
+    raise the peaks of drift and story force at the ends of branches.
 
-    The law follows the parabola in the trial state SECOND_TRIAL. If `no_reversal`, an extremum of
-    the parabola is ignored, because the parabola only approximates the drift. The peaks are not
-    raised at a reversal: the observer evaluates the law at the reversal of its interpolant, which
-    is more accurate than the extremum of the parabola. The laws move there from their states at
-    the start of the step: the reversal of the parabola can be farther, and the path back from the
-    reversal is stiffer.
+    The law follows the parabola in the trial state SECOND_TRIAL. In a story without a reversal (row
+    NO_REVERSAL), an extremum of the parabola is ignored, because the parabola only approximates the
+    drift. The peaks are not raised at a reversal: the observer evaluates the law at the reversal of
+    its interpolant, which is more accurate than the extremum of the parabola. The laws move there
+    from their states at the start of the step: the reversal of the parabola can be farther, and the
+    path back from the reversal is stiffer.
     """
-    copy_state(law_state, i, 0, rows.SECOND_TRIAL)
+    _, law_state, scratch, _ = memory
+    complete = _story_path(scene.linear_terms, law_state, scratch, i)
+    corners = Integrals(scratch, ROW.CORNERS)  # only passes the location of the list of corners
+    no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
+    copy_state(law_state, column, 0, rows.SECOND_TRIAL)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
-    part_before = path.path_segment(complete, 0.0, reversal_time)
-    end_drift = path.drift_at(complete, reversal_time)
-    _follow_path_storing_corners(
-        law_parameters,
-        law_state,
-        i,
-        rows.SECOND_TRIAL,
-        part_before,
-        _direction(part_before, no_reversal),
-        end_drift,
-        corners,
-    )
+    part = path.path_segment(complete, 0.0, reversal_time)
+    _store_corners_on(part, no_reversal, scene, law_state, column, corners)
     if reversal_time < 1.0:
         _store_corner(corners, reversal_time)
-        part_after = path.path_segment(complete, reversal_time, 1.0)
-        end_drift = path.drift_at(complete, 1.0)
-        _follow_path_storing_corners(
-            law_parameters,
-            law_state,
-            i,
-            rows.SECOND_TRIAL,
-            part_after,
-            _direction(part_after, False),
-            end_drift,
-            corners,
-        )
+        part = path.path_segment(complete, reversal_time, 1.0)
+        _store_corners_on(part, False, scene, law_state, column, corners)
 
 
 @outlined
@@ -164,12 +149,9 @@ def _find_corners_of_elements(scene, memory, i):
     the peak drift of the story at the ends of their branches."""
     law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
-    complete = _story_path(scene.linear_terms, law_state, scratch, i)
-    no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
-    corners = Integrals(scratch, ROW.CORNERS)
     for element in elements_of(law_parameters, i):
         if path.is_piecewise_linear(law_parameters, element):
-            _find_corners(law_parameters, law_state, element, complete, no_reversal, corners)
+            _find_corners(scene, memory, i, element)
             law_state[rows.PEAK_FORCE, element] = max(
                 law_state[rows.PEAK_FORCE, element],
                 scratch[ROW.PEAKS + rows.PEAK_SHEAR, element],
@@ -491,15 +473,9 @@ def _integrate_accelerations(h, load, memory, i, count):
 def _relative_acceleration(h, load, scratch, k, i, n):
     """Return h^2 times the acceleration of floor `i` at node `k`, relative to the ground, m."""
     t = scratch[ROW.NODE_FORCE + k, n]
-    return (
-        h
-        * h
-        * (
-            scratch[ROW.NODE_ACCELERATION + k, i]
-            - load[rows.GROUND_0]
-            - t * (load[rows.GROUND_1] - load[rows.GROUND_0])
-        )
-    )
+    ground_change = load[rows.GROUND_1] - load[rows.GROUND_0]
+    acceleration = scratch[ROW.NODE_ACCELERATION + k, i]
+    return h * h * (acceleration - load[rows.GROUND_0] - t * ground_change)
 
 
 @inline
@@ -640,28 +616,14 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     n = scene.linear_terms.shape[1] - 1
     if not _may_exceed_peaks(scene, h, load, memory):
         return
-    # `Integrals` (table, first row) only passes the location of the list of corners.
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
-        if (
-            FULL
-            and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS
-            and scratch[ROW.LEAVES_BRANCH, i] != 0.0
-        ):
-            _find_corners_of_elements(scene, memory, i)
+        if scratch[ROW.LEAVES_BRANCH, i] == 0.0:
             continue
-        is_linear = path.is_piecewise_linear(scene.law_parameters, i)
-        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and is_linear:
-            complete = _story_path(scene.linear_terms, law_state, scratch, i)
-            no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
-            _find_corners(
-                scene.law_parameters,
-                law_state,
-                i,
-                complete,
-                no_reversal,
-                Integrals(scratch, ROW.CORNERS),
-            )
+        if FULL and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+            _find_corners_of_elements(scene, memory, i)
+        elif path.is_piecewise_linear(scene.law_parameters, i):
+            _find_corners(scene, memory, i, i)
     if scratch[ROW.CORNERS, 0] == 0.0:
         return
     step_status[rows.STEP_PEAKS] = ROW.PEAKS

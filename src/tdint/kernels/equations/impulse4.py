@@ -208,12 +208,15 @@ def factor_rows(modes):
 
 
 @inline
-def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
+def store_load(scene, t, h, ground, scratch):
     """Store the load at the end of the step, LOAD (N), and its exact impulse over [t, t + h],
     IMPULSE (N s).
 
-    The load is -m ag + forces on floors, with the ground acceleration ag linear within the step.
+    The load is -m ag + forces on floors. The ground acceleration ag is linear within the step,
+    between the values in `ground`.
     """
+    ground_0, ground_1 = ground
+    linear_terms, _, _, forces, _ = scene
     floor_load(linear_terms, forces, t + h, ground_1, scratch, momentum.LOAD)
     floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, momentum.IMPULSE)
 
@@ -240,13 +243,9 @@ def solve_linear(coefficients, scene, h, memory, factors):
     n = linear_terms.shape[1] - 1
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
-    factorization = Factors(
-        scratch,
-        factors + _BLOCK.PIVOT,
-        factors + _BLOCK.MULTIPLIER,
-        factors + _STORE + 6 * modal.shape[0] + 1,
-        linear_terms,
-    )
+    pivot, multiplier = factors + _BLOCK.PIVOT, factors + _BLOCK.MULTIPLIER
+    store = factors + _STORE + 6 * modal.shape[0] + 1
+    factorization = Factors(scratch, pivot, multiplier, store, linear_terms)
     # The modal part of l C multiplies a pair (real part, imaginary part) by l.
     damping = ModalBlocks(modal, root_re, -root_im, root_im, root_re)
     # `_right_side` compares the factorization with the stiffnesses and with h, because its loop
@@ -412,8 +411,9 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     constant acceleration.
     """
     linear_terms, modal, _, _, _ = scene
-    state, _, scratch, step_status = memory
+    state, _, scratch, _ = memory
     n = linear_terms.shape[1] - 1
+    kinematics = coefficients[THETA], coefficients[ALPHA], coefficients[BETA]
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
     # In the first step, the maxima in row RUN_MAXIMA are 0 and the tolerance is RESIDUAL_TOLERANCE,
@@ -432,29 +432,10 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         tolerance = RESIDUAL_TOLERANCE
     while True:
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
-        residuals(
-            coefficients[THETA],
-            coefficients[ALPHA],
-            coefficients[BETA],
-            linear_terms,
-            modal,
-            h,
-            state,
-            scratch,
-        )
-        if (
-            has_converged(
-                iterations == MAX_ITERATIONS,
-                tolerance,
-                coefficients[BETA],
-                linear_terms,
-                h,
-                state,
-                scratch,
-                step_status,
-            )
-            or is_correction_negligible
-        ):
+        residuals(kinematics, scene, h, memory)
+        is_final = iterations == MAX_ITERATIONS
+        is_balanced = has_converged(is_final, tolerance, kinematics, scene, h, memory)
+        if is_balanced or is_correction_negligible:
             break
         # Line search. R1 (kg m) divided by h and R2 have the unit N s.
         if iterations >= undamped_iterations:
@@ -467,7 +448,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
                 continue
             previous_norm = norm
             applied_fraction = 1.0
-        if iterations == MAX_ITERATIONS:
+        if is_final:
             return rows.NOT_CONVERGED
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
@@ -524,12 +505,10 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
             keep_branches, coefficients, scene, h, i, (drift_c, drift), memory
         )
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
-        is_stale = (
-            is_stale or abs(tangent_c - scratch[factors + _BLOCK.FACTORED_C, i]) > tangent_tolerance
-        )
-        is_stale = (
-            is_stale or abs(tangent - scratch[factors + _BLOCK.FACTORED_1, i]) > tangent_tolerance
-        )
+        change = abs(tangent_c - scratch[factors + _BLOCK.FACTORED_C, i])
+        is_stale = is_stale or change > tangent_tolerance
+        change = abs(tangent - scratch[factors + _BLOCK.FACTORED_1, i])
+        is_stale = is_stale or change > tangent_tolerance
         # A drift is a difference of displacements. Their rounding errors change the story force by
         # about ROUNDING times stiffness times displacements, so that residuals up to this force
         # must be accepted.
@@ -600,7 +579,6 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     to 0 in cases 1 and 3). Otherwise the complete step is solved, no branch change or reversal is
     located, and row KINK is not changed.
     """
-    law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
     drift_c, drift = drifts
     if keep_branches and law_state[rows.SLOPE, i] < math.inf:
@@ -614,20 +592,10 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
             tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                 coefficients, scene, h, i, drifts, memory
             )
-        if FULL and keep_branches and not is_reversed:
-            tangent_c = restoring_force_on_branches(
-                law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
-            )
-            tangent = restoring_force_on_branches(
-                law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
-            )
-        elif not is_reversed:
-            tangent_c = restoring_force_outlined(
-                law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
-            )
-            tangent = restoring_force_outlined(
-                law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
-            )
+        if not is_reversed:
+            inner, end = rows.FIRST_TRIAL, rows.SECOND_TRIAL
+            tangent_c = _force(keep_branches, scene, law_state, i, 0, inner, drift_c)
+            tangent = _force(keep_branches, scene, law_state, i, inner, end, drift)
         if FULL and keep_branches and not is_reversed:
             tangent = _tangent_on_branch(scene, law_state, i, drift, tangent)
         force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
@@ -646,19 +614,20 @@ def _tangent_on_branch(scene, law_state, i, drift, tangent):
     limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
     if limited == drift or scene.linear_terms[rows.TANGENT_DAMPING, i] == 0.0:
         return tangent
-    tangent = _force_in_substep(scene.law_parameters, law_state, i, 0, rows.SECOND_TRIAL, limited)
-    _force_in_substep(
-        scene.law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
-    )
+    tangent = _force(True, scene, law_state, i, 0, rows.SECOND_TRIAL, limited)
+    _force(True, scene, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift)
     return tangent
 
 
 @inline
-def _force_in_substep(law_parameters, law_state, i, previous, trial, drift):
-    """Compute the force of story `i`; its elements remain on their linear branches."""
-    if FULL:
-        return restoring_force_on_branches(law_parameters, law_state, i, previous, trial, drift)
-    return restoring_force_outlined(law_parameters, law_state, i, previous, trial, drift)
+def _force(keep_branches, scene, law_state, i, previous, trial, drift):
+    """Compute the force of story `i`. With `keep_branches`, its elements remain on their linear
+    branches."""
+    if FULL and keep_branches:
+        return restoring_force_on_branches(
+            scene.law_parameters, law_state, i, previous, trial, drift
+        )
+    return restoring_force_outlined(scene.law_parameters, law_state, i, previous, trial, drift)
 
 
 @outlined
@@ -726,12 +695,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     change = sign * (drift - start)
     # The arguments are the three Bezier points of d'(s). If rounding prevents a sign change, the
     # result is NONE, which is above 1; the end of the step is then used.
-    s = min(
-        find_sign_change(
-            scaled_rate_0, 3.0 * change - scaled_rate_0 - scaled_rate_1, scaled_rate_1
-        ),
-        1.0,
-    )
+    middle = 3.0 * change - scaled_rate_0 - scaled_rate_1
+    s = min(find_sign_change(scaled_rate_0, middle, scaled_rate_1), 1.0)
     r = 1.0 - s
     # Changes of drift up to the reversal, and after the reversal in the opposite direction, m.
     loading_change = s * s * (3.0 - 2.0 * s) * change + s * r * (
@@ -741,26 +706,17 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     reversal_drift = start + sign * loading_change
     # Time of the inner point: the quadrature is exact for linear functions, wc c + w1 = 1/2.
     inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
+    inner, reversal = rows.FIRST_TRIAL, rows.THIRD_TRIAL
     if s < inner_fraction:  # reversal, inner point, end
-        loading_tangent = _force_in_substep(
-            law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift
-        )
-        tangent_c = _force_in_substep(
-            law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift_c
-        )
-        tangent = _force_in_substep(
-            law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
-        )
-        scratch[ROW.PREVIOUS_BLOCK, i] = rows.FIRST_TRIAL
+        loading_tangent = _force(True, scene, law_state, i, 0, reversal, reversal_drift)
+        tangent_c = _force(True, scene, law_state, i, reversal, inner, drift_c)
+        last = inner
     else:  # inner point, reversal, end
-        tangent_c = _force_in_substep(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c)
-        loading_tangent = _force_in_substep(
-            law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, reversal_drift
-        )
-        tangent = _force_in_substep(
-            law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
-        )
-        scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL
+        tangent_c = _force(True, scene, law_state, i, 0, inner, drift_c)
+        loading_tangent = _force(True, scene, law_state, i, inner, reversal, reversal_drift)
+        last = reversal
+    tangent = _force(True, scene, law_state, i, last, rows.SECOND_TRIAL, drift)
+    scratch[ROW.PREVIOUS_BLOCK, i] = last
     kink = abs(tangent - loading_tangent) * min(loading_change, unloading_change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
@@ -946,13 +902,8 @@ def _add_brace(scene, i, h, rise, bend, memory, factors):
 @inline
 def _newton_factorization(linear_terms, scratch, factors):
     """Return the location of the factorization of Newton's method from row `factors` on."""
-    return Factors(
-        scratch,
-        factors + _BLOCK.BLOCKS,
-        factors + _BLOCK.COUPLING,
-        factors + _STORE,
-        linear_terms,
-    )
+    blocks, coupling = factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING
+    return Factors(scratch, blocks, coupling, factors + _STORE, linear_terms)
 
 
 @outlined
@@ -1018,17 +969,8 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
                 factor = (h if row < 2 else -by_a) * (h if row % 2 == 1 else 1.0)
                 scratch[coupling + (row + 2) % 4, i] += factor * tangent
     scratch[factors + _BLOCK.FACTORED_1, n] = h
-    assemble_blocks(
-        linear_terms,
-        _newton_factorization(linear_terms, scratch, factors),
-        h * coefficients[THETA],
-        by_a,
-        n,
-    )
+    factorization = _newton_factorization(linear_terms, scratch, factors)
+    assemble_blocks(linear_terms, factorization, h * coefficients[THETA], by_a, n)
     # The factors of the modal part of C in the two equations are -be h^2 (M a1 contains -C v1) for
     # v1 and 1 for u1: the second and third number.
-    factor_blocks(
-        _newton_factorization(linear_terms, scratch, factors),
-        ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0),
-        n,
-    )
+    factor_blocks(factorization, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)

@@ -54,15 +54,19 @@ def store_first_guess(factor, h, state, scratch, n):
 
 
 @inline
-def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
+def residuals(kinematics, scene, h, memory):
     """Compute the negative residuals of an impulse-momentum step, and the acceleration at its end
     (row A1).
 
         R1 = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1) - (u1 - u0)) kinematics
         R2 = I - M (v1 - v0) - C (u1 - u0) - S momentum
 
-    C contains the floor dampers and modal damping; the forces of story dampers are part of f and S.
+    `kinematics` is (theta, alpha, beta). C contains the floor dampers and modal damping; the forces
+    of story dampers are part of f and S.
     """
+    theta, alpha, beta = kinematics
+    linear_terms, modal, _, _, _ = scene
+    state, _, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     # M a1 (row A1) and R2 without modal damping
     for i in range(n):
@@ -91,7 +95,7 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
 
 
 @inline
-def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, step_status):
+def has_converged(is_last, tolerance, kinematics, scene, h, memory):
     """Return True if the residuals of kinematics and momentum of all floors are small enough.
 
     A residual is small enough if it is at most `tolerance` (at least RESIDUAL_TOLERANCE) times the
@@ -106,10 +110,12 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     equation. Row SIZE is therefore added to the sums with these factors.
 
     If `is_last`, no further iteration is allowed: the largest relative residual above the tolerance
-    and its floor are stored in `step_status`.
+    and its floor are stored in the status of the step.
     """
+    linear_terms = scene.linear_terms
+    state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    by_a = beta * h * h
+    by_a = kinematics[2] * h * h
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(n):

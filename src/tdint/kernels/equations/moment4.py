@@ -493,17 +493,8 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
                 if may_be_steady and _has_no_reversal(coefficients, scene, h, memory, i)
                 else 0.0
             )
-        # `follow` ignores the extremum of the parabola if its sixth argument is True.
-        follow(
-            scene.law_parameters,
-            law_state,
-            i,
-            rise,
-            bend,
-            scratch[ROW.NO_REVERSAL, i] != 0.0,
-            scratch,
-            ROW.PATH,
-        )
+        no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
+        follow(scene.law_parameters, law_state, i, rise, bend, no_reversal, scratch, ROW.PATH)
 
 
 @outlined
@@ -540,14 +531,10 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
         last_rate += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
     if has_certain_reversal(rise, first_rate, last_rate):
         return False
-    initial_slope = (
-        h
-        * h
-        * (
-            _acceleration(scene, memory, upper_of(linear_terms, i))
-            - (_acceleration(scene, memory, base) if floor_count == 2 else 0.0)
-        )
-    )
+    acceleration = _acceleration(scene, memory, upper_of(linear_terms, i))
+    if floor_count == 2:
+        acceleration -= _acceleration(scene, memory, base)
+    initial_slope = h * h * acceleration
     direction, reversal_time, _, _, _ = locate_reversals(rise, first_rate, last_rate, initial_slope)
     # The story has no reversal if the cubic has no reversal in the step, and if the story initially
     # moves in the direction of the change of drift.
@@ -687,14 +674,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         )
         # M a0 has the terms M D1 and M r a1.
         inertia_scale = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
-        is_small &= is_balanced(
-            is_last,
-            tolerance,
-            step_status,
-            i,
-            scratch[ROW.X, i],
-            mass * inertia_scale + h * h * (force_scale + rounding),
-        )
+        scale = mass * inertia_scale + h * h * (force_scale + rounding)
+        is_small &= is_balanced(is_last, tolerance, step_status, i, scratch[ROW.X, i], scale)
         # M a1 has the terms D1 / 2, D0 and h v0, times 12 M / (1 + 6 r). For simplicity, the sum
         # contains |D1| instead of |D1| / 2.
         force_scale = (
@@ -706,14 +687,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             abs(scratch[ROW.BEND, i]) + abs(scratch[ROW.RISE, i]) + h * abs(state[rows.VELOCITY, i])
         )
         inertia_scale *= coefficients[BY_RISE]
-        is_small &= is_balanced(
-            is_last,
-            tolerance,
-            step_status,
-            i,
-            scratch[ROW.X + 1, i],
-            mass * inertia_scale + h * h * (force_scale + rounding),
-        )
+        scale = mass * inertia_scale + h * h * (force_scale + rounding)
+        is_small &= is_balanced(is_last, tolerance, step_status, i, scratch[ROW.X + 1, i], scale)
     return is_small
 
 

@@ -205,13 +205,8 @@ def solve_equilibrium_with_dampers(damper_step, effective, factors, previous, tr
     scratch, step_status = memory.scratch, memory.step_status
     n = linear_terms.shape[1] - 1
     tangents = factors + _FACTOR.FACTORED
-    factorization = Factors(
-        scratch,
-        factors + _FACTOR.PIVOT,
-        factors + _FACTOR.COUPLING,
-        factors + _STORE,
-        linear_terms,
-    )
+    pivot, coupling = factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING
+    factorization = Factors(scratch, pivot, coupling, factors + _STORE, linear_terms)
     # `factor_combination` assembles by_a M + by_v (linear dampers) + by_k (row TANGENT + geometric
     # stiffness). If by_u is 0, the displacements are known and the stiffness does not contribute;
     # row TANGENT then contains the other terms for by_k = 1 (`_story_forces`).
@@ -321,11 +316,8 @@ def _story_forces(damper_step, effective, factors, previous, trial, scene, memor
             dashpot_force += damping_force
             tangent += by_x / by_u
         scratch[ROW.TANGENT, i] = tangent
-        is_stale = (
-            is_stale
-            or abs(tangent - scratch[factors + _FACTOR.FACTORED, i])
-            > TANGENT_TOLERANCE * tangent_scale
-        )
+        change = abs(tangent - scratch[factors + _FACTOR.FACTORED, i])
+        is_stale = is_stale or change > TANGENT_TOLERANCE * tangent_scale
         story_force = (
             law_state[trial + rows.FORCE, i]
             + linear_terms[rows.GEOMETRIC, i] * drift

@@ -513,44 +513,21 @@ def factor_blocks(factors, damping, n):
     # The second half of the coupling rows is for the products A_i B_(i+1).
     upper = coupling + COUPLING_ROWS // 2
     for i in range(n):
-        # Diagonal block D_i = ((p, q), (r, s)). The block pivot of floor `i` is D_i minus B_i
-        # A_(i-1) B_i, with the coupling block B_i to the floor below and the inverse block pivot
-        # A_(i-1) of the floor below; x is the product A_(i-1) B_i.
-        p = scratch[blocks, i]
-        q = scratch[blocks + 1, i]
-        r = scratch[blocks + 2, i]
-        s = scratch[blocks + 3, i]
+        # The block pivot of floor `i` is D_i minus B_i A_(i-1) B_i, with the coupling block B_i to
+        # the floor below and the inverse block pivot A_(i-1) of the floor below; x is A_(i-1) B_i.
+        p, q, r, s = _block(scratch, blocks, i)
         if i > 0:
-            b0, b1, b2, b3 = (
-                scratch[coupling, i],
-                scratch[coupling + 1, i],
-                scratch[coupling + 2, i],
-                scratch[coupling + 3, i],
-            )
-            i0, i1 = scratch[blocks, i - 1], scratch[blocks + 1, i - 1]
-            i2, i3 = scratch[blocks + 2, i - 1], scratch[blocks + 3, i - 1]
-            x0 = i0 * b0 + i1 * b2
-            x1 = i0 * b1 + i1 * b3
-            x2 = i2 * b0 + i3 * b2
-            x3 = i2 * b1 + i3 * b3
-            p -= b0 * x0 + b1 * x2
-            q -= b0 * x1 + b1 * x3
-            r -= b2 * x0 + b3 * x2
-            s -= b2 * x1 + b3 * x3
+            coupling_block, inverse = _block(scratch, coupling, i), _block(scratch, blocks, i - 1)
+            x = _product(inverse, coupling_block)
+            reduction = _product(coupling_block, x)
+            p -= reduction[0]
+            q -= reduction[1]
+            r -= reduction[2]
+            s -= reduction[3]
             # A_(i-1) B_i is for the backward and B_i A_(i-1) for the forward substitution.
-            scratch[upper, i - 1] = x0
-            scratch[upper + 1, i - 1] = x1
-            scratch[upper + 2, i - 1] = x2
-            scratch[upper + 3, i - 1] = x3
-            scratch[coupling, i] = b0 * i0 + b1 * i2
-            scratch[coupling + 1, i] = b0 * i1 + b1 * i3
-            scratch[coupling + 2, i] = b2 * i0 + b3 * i2
-            scratch[coupling + 3, i] = b2 * i1 + b3 * i3
-        inverse = 1.0 / (p * s - q * r)
-        scratch[blocks, i] = s * inverse
-        scratch[blocks + 1, i] = -q * inverse
-        scratch[blocks + 2, i] = -r * inverse
-        scratch[blocks + 3, i] = p * inverse
+            _store_block(scratch, upper, i - 1, x)
+            _store_block(scratch, coupling, i, _product(coupling_block, inverse))
+        _store_block(scratch, blocks, i, _inverse((p, q, r, s)))
     # There is no floor above the roof.
     for entry in range(4):
         scratch[upper + entry, n - 1] = 0.0
@@ -559,9 +536,30 @@ def factor_blocks(factors, damping, n):
 
 
 @inline
-def _block(scratch, row, i):
-    """Return the 2 x 2 block in column `i`, row by row."""
-    return scratch[row, i], scratch[row + 1, i], scratch[row + 2, i], scratch[row + 3, i]
+def _block(scratch, row, i, step=1):
+    """Return the 2 x 2 block in column `i`, row by row. Its entries are in rows with the distance
+    `step`."""
+    return (
+        scratch[row, i],
+        scratch[row + step, i],
+        scratch[row + 2 * step, i],
+        scratch[row + 3 * step, i],
+    )
+
+
+@inline
+def _store_block(scratch, row, i, block, step=1):
+    """Store a 2 x 2 block in column `i`, in rows with the distance `step`."""
+    for entry in range(4):
+        scratch[row + entry * step, i] = block[entry]
+
+
+@inline
+def _inverse(block):
+    """Return the inverse of a 2 x 2 block."""
+    p, q, r, s = block
+    inverse = 1.0 / (p * s - q * r)
+    return s * inverse, -q * inverse, -r * inverse, p * inverse
 
 
 @inline
@@ -576,11 +574,10 @@ def _product(a, b):
 
 
 @inline
-def _change_block(scratch, row, i, keep, factor, block):
-    """Replace the 2 x 2 block in column `i` by `keep` times this block plus `factor` times another
-    block."""
+def _add_block(scratch, row, i, factor, block, step=1):
+    """Add `factor` times a 2 x 2 block to the block in column `i`."""
     for entry in range(4):
-        scratch[row + entry, i] = keep * scratch[row + entry, i] + factor * block[entry]
+        scratch[row + entry * step, i] += factor * block[entry]
 
 
 @outlined
@@ -596,24 +593,22 @@ def _factor_tree_blocks(factors, n):
     scratch, blocks, coupling, _, linear_terms = factors
     upper = coupling + COUPLING_ROWS // 2
     for i in range(1, n):
-        _change_block(scratch, upper, i, 0.0, 1.0, _block(scratch, coupling, i))
+        _store_block(scratch, upper, i, _block(scratch, coupling, i))
     # `while` as in `tdint.kernels.time_loop.observer.observe`
     i = count_masses(linear_terms)
     while i > 0:
         i -= 1
-        p, q, r, s = _block(scratch, blocks, i)
-        determinant = 1.0 / (p * s - q * r)
-        inverse = s * determinant, -q * determinant, -r * determinant, p * determinant
-        _change_block(scratch, blocks, i, 0.0, 1.0, inverse)
+        inverse = _inverse(_block(scratch, blocks, i))
+        _store_block(scratch, blocks, i, inverse)
         j = i  # column of the entry; 0 after the last lower floor
         while j > 0:
             base = int(linear_terms[rows.BASE, j])
             lower_entry = _block(scratch, coupling, j)
             upper_entry = _block(scratch, upper, j)
             by_upper = _product(inverse, upper_entry)
-            _change_block(scratch, upper, j, 0.0, 1.0, by_upper)
-            _change_block(scratch, coupling, j, 0.0, 1.0, _product(lower_entry, inverse))
-            _change_block(scratch, blocks, base, 1.0, -1.0, _product(lower_entry, by_upper))
+            _store_block(scratch, upper, j, by_upper)
+            _store_block(scratch, coupling, j, _product(lower_entry, inverse))
+            _add_block(scratch, blocks, base, -1.0, _product(lower_entry, by_upper))
             k = i
             while k != j:  # the pairs of this floor and the earlier floors of the list
                 other = int(linear_terms[rows.BASE, k])
@@ -622,8 +617,8 @@ def _factor_tree_blocks(factors, n):
                 in_other = _product(_block(scratch, coupling, k), upper_entry)
                 if base > other:
                     in_base, in_other = in_other, in_base
-                _change_block(scratch, coupling, column, 1.0, 1.0, in_base)
-                _change_block(scratch, upper, column, 1.0, 1.0, in_other)
+                _add_block(scratch, coupling, column, 1.0, in_base)
+                _add_block(scratch, upper, column, 1.0, in_other)
                 k = int(linear_terms[rows.NEXT_ENTRY, k])
             j = int(linear_terms[rows.NEXT_ENTRY, j])
 
@@ -678,36 +673,17 @@ def _factor_full(factors, damping, n):
                 scratch[row, i - 1] -= scratch[coupling + entry, i]
             if i + 1 < n:
                 scratch[row, i + 1] -= scratch[coupling + entry, i + 1]
-    # Elimination column by column: the pivot is ((p, q), (r, s)), its inverse ((i0, i1), (i2, i3)).
+    # Elimination column by column: the block m of L is the block below the pivot times the inverse
+    # pivot.
     for k in range(n):
-        p, q = scratch[xx + k, k], scratch[xy + k, k]
-        r, s = scratch[yx + k, k], scratch[yy + k, k]
-        inverse = 1.0 / (p * s - q * r)
-        i0, i1, i2, i3 = s * inverse, -q * inverse, -r * inverse, p * inverse
-        scratch[xx + k, k] = i0
-        scratch[xy + k, k] = i1
-        scratch[yx + k, k] = i2
-        scratch[yy + k, k] = i3
+        inverse = _inverse(_block(scratch, xx + k, k, n))
+        _store_block(scratch, xx + k, k, inverse, n)
         for i in range(k + 1, n):
-            b0, b1 = scratch[xx + i, k], scratch[xy + i, k]
-            b2, b3 = scratch[yx + i, k], scratch[yy + i, k]
-            # The block m of L is the block b below the pivot times the inverse pivot; u is a block
-            # of U.
-            m0 = b0 * i0 + b1 * i2
-            m1 = b0 * i1 + b1 * i3
-            m2 = b2 * i0 + b3 * i2
-            m3 = b2 * i1 + b3 * i3
-            scratch[xx + i, k] = m0
-            scratch[xy + i, k] = m1
-            scratch[yx + i, k] = m2
-            scratch[yy + i, k] = m3
+            m = _product(_block(scratch, xx + i, k, n), inverse)
+            _store_block(scratch, xx + i, k, m, n)
             for j in range(k + 1, n):
-                u0, u1 = scratch[xx + k, j], scratch[xy + k, j]
-                u2, u3 = scratch[yx + k, j], scratch[yy + k, j]
-                scratch[xx + i, j] -= m0 * u0 + m1 * u2
-                scratch[xy + i, j] -= m0 * u1 + m1 * u3
-                scratch[yx + i, j] -= m2 * u0 + m3 * u2
-                scratch[yy + i, j] -= m2 * u1 + m3 * u3
+                reduction = _product(m, _block(scratch, xx + k, j, n))
+                _add_block(scratch, xx + i, j, -1.0, reduction, n)
 
 
 @outlined

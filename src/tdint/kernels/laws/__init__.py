@@ -8,12 +8,10 @@ contains the number of the law of each story. Compiled code selects the law by t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, MutableSequence
+from collections import UserList
+from collections.abc import Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from tdint.kernels.laws.law import DriftLaw
+from typing import Any
 
 # The order must not change, because the position of a law is its number.
 NAMES = (
@@ -42,23 +40,16 @@ UNAVAILABLE = {
 """Reasons by the names of laws that other programs have and tdint lacks."""
 
 
-class Laws(MutableSequence["DriftLaw"]):
+class Laws(UserList[Any]):
     """Sequence of laws. The module of a law of tdint is imported when the law is first used, so
-    that a run loads only the laws of its building.
+    that a run loads only the laws of its building. The module has the name of the law, with "_" for
+    "-".
     """
-
-    def __init__(self, names: Iterable[str]) -> None:
-        """Store the names of the laws; the module of a law has its name, with "_" for "-"."""
-        self._items: list[DriftLaw | str] = list(names)
 
     def names(self) -> Iterator[str]:
         """Yield the names of all laws without importing them."""
-        for item in self._items:
+        for item in self.data:
             yield item if isinstance(item, str) else item.name
-
-    def __len__(self) -> int:
-        """Return the number of laws."""
-        return len(self._items)
 
     def __getitem__(self, number: Any) -> Any:
         """Return the law with a number; its module is imported at the first access.
@@ -72,24 +63,11 @@ class Laws(MutableSequence["DriftLaw"]):
 
                 return fracturing(self[whole])
             number = whole
-        item = self._items[number]
+        item = self.data[number]
         if isinstance(item, str):
             item = import_module(f"tdint.kernels.laws.{item.replace('-', '_')}").LAW
-            self._items[number] = item
+            self.data[number] = item
         return item
-
-    def __setitem__(self, number: Any, law: Any) -> None:
-        """Replace the law with a number."""
-        self._items[number] = law
-
-    def __delitem__(self, number: Any) -> None:
-        """Remove the law with a number; the number of each following law decreases."""
-        del self._items[number]
-
-    def insert(self, index: int, value: DriftLaw) -> None:
-        """Insert the law `value` before the law with the number `index`; the number of each law
-        from this position on increases by 1."""
-        self._items.insert(index, value)
 
 
 LAWS = Laws(NAMES)

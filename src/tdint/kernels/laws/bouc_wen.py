@@ -570,13 +570,8 @@ def _functions() -> LawFunctions:
         density = 4.0 * (n + 1.0)
         if law_parameters[_SLIP, i] > 0.0:
             density += _PINCHING_DENSITY / (law_parameters[_SIZE, i] * law_parameters[_SEVERITY, i])
-        return (
-            1.9
-            + density
-            * drift_change
-            * law_parameters[rows.STIFFNESS, i]
-            / law_parameters[_YIELD_FORCE, i]
-        )
+        k, strength = law_parameters[rows.STIFFNESS, i], law_parameters[_YIELD_FORCE, i]
+        return 1.9 + density * drift_change * k / strength
 
     return LawFunctions(
         force=force,

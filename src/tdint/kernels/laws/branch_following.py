@@ -166,6 +166,23 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
 
 
 @inline
+def side_row(side, row):
+    """Return the row of a quantity with one row per side; `row` is the row of the positive side,
+    two rows before that of the negative side."""
+    return row if side > 0.0 else row + 2
+
+
+@inline
+def set_directed(law_state, i, block, side, branch_type, slope, end):
+    """Set a branch that is valid for one direction of movement, up to the drift `end` of its side
+    (m). Row INTERNAL receives the type with the sign of the side."""
+    law_state[block + rows.INTERNAL, i] = side * branch_type
+    upper = end if side > 0.0 else math.inf
+    lower = -end if side < 0.0 else -math.inf
+    set_branch(law_state, i, block, slope, lower, upper, side)
+
+
+@inline
 def fail(law_state, i, block, failed):
     """Remove the strength and stiffness of story `i` permanently.
 

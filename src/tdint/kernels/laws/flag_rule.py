@@ -39,7 +39,7 @@ def flag_rule(upper: BackboneCurve, lower: BackboneCurve, elastic_stiffness: Any
     `elastic_stiffness` is a function (law_parameters, i) -> k, N/m.
     """
     from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import set_branch
+    from tdint.kernels.laws.branch_following import set_branch, set_directed
 
     def bound(ahead, behind):
         """Return the functions `value` and `piece` of a curve in the direction of movement.
@@ -135,11 +135,8 @@ def flag_rule(upper: BackboneCurve, lower: BackboneCurve, elastic_stiffness: Any
         else:
             set_elastic(law_parameters, law_state, i, block)
             return
-        law_state[block + rows.INTERNAL, i] = side
         law_state[block + rows.FORCE, i] = side * force
-        above = end if side > 0.0 else math.inf
-        below = -end if side < 0.0 else -math.inf
-        set_branch(law_state, i, block, slope, below, above, side)
+        set_directed(law_state, i, block, side, 1.0, slope, end)
 
     @outlined
     def strain_energy(law_parameters, law_state, i):

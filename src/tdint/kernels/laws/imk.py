@@ -86,14 +86,14 @@ _EQUAL_FORCES = 1e-9
 def _functions() -> LawFunctions:
     """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
-
-    @inline
-    def side_row(side, row):
-        """Return the row of a quantity with one row per side; `row` is the row of the positive
-        side. The values of both sides are positive.
-        """
-        return row if side > 0.0 else row + 2
+    from tdint.kernels.laws.branch_following import (
+        extra_rows,
+        fail,
+        follow_branches,
+        set_branch,
+        set_directed,
+        side_row,
+    )
 
     @inline
     def side_parameter(law_parameters, i, side, parameter):
@@ -190,13 +190,8 @@ def _functions() -> LawFunctions:
         force = law_state[block + rows.FORCE, i]
         stored = 0.5 * force * force / law_state[first + _UNLOADING_STIFFNESS, i]
         total_work = law_state[block + rows.WORK, i] - stored
-        return deterioration(
-            law_parameters,
-            i,
-            _UNLOADING_CAPACITY,
-            total_work - law_state[first + _WORK_AT_ZERO, i],
-            total_work,
-        )
+        work = total_work - law_state[first + _WORK_AT_ZERO, i]
+        return deterioration(law_parameters, i, _UNLOADING_CAPACITY, work, total_work)
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
@@ -207,12 +202,7 @@ def _functions() -> LawFunctions:
         if side * law_state[block + rows.DRIFT, i] >= ultimate * (1.0 - _REACHED_TOLERANCE):
             fail(law_state, i, block, _FAILED)
             return
-        end = min(end, ultimate)
-        law_state[block + rows.INTERNAL, i] = side * branch_type
-        law_state[block + rows.SLOPE, i] = slope
-        law_state[block + rows.RATE_SIGN, i] = side
-        law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
-        law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
+        set_directed(law_state, i, block, side, branch_type, slope, min(end, ultimate))
 
     @outlined
     def set_backbone_branch(law_parameters, law_state, i, block, side):
@@ -241,15 +231,9 @@ def _functions() -> LawFunctions:
             and drift < (residual_force - capping_force) / capping_slope - tolerance
         ):
             law_state[block + rows.FORCE, i] = side * (capping_force + capping_slope * drift)
+            end = (residual_force - capping_force) / capping_slope
             set_loading_branch(
-                law_parameters,
-                law_state,
-                i,
-                block,
-                side,
-                _SOFTENING,
-                capping_slope,
-                (residual_force - capping_force) / capping_slope,
+                law_parameters, law_state, i, block, side, _SOFTENING, capping_slope, end
             )
         else:
             law_state[block + rows.FORCE, i] = side * residual_force
@@ -277,15 +261,9 @@ def _functions() -> LawFunctions:
                 law_state[block + side_row(side, rows.HIGH_FORCE), i]
                 - side * law_state[block + rows.FORCE, i]
             )
+            slope = rise / (max_drift - drift)
             set_loading_branch(
-                law_parameters,
-                law_state,
-                i,
-                block,
-                side,
-                _TOWARDS_MAXIMUM,
-                rise / (max_drift - drift),
-                max_drift,
+                law_parameters, law_state, i, block, side, _TOWARDS_MAXIMUM, slope, max_drift
             )
         else:
             set_backbone_branch(law_parameters, law_state, i, block, side)
@@ -349,10 +327,9 @@ def _functions() -> LawFunctions:
         # The branch is valid in both directions, between zero force and the reversal.
         zero_drift = side * (drift - force / slope)
         law_state[block + rows.INTERNAL, i] = side * _UNLOADING
-        law_state[block + rows.SLOPE, i] = slope
-        law_state[block + rows.RATE_SIGN, i] = 0.0
-        law_state[block + rows.UPPER, i] = side * drift if side > 0.0 else zero_drift
-        law_state[block + rows.LOWER, i] = zero_drift if side > 0.0 else side * drift
+        upper = side * drift if side > 0.0 else zero_drift
+        lower = zero_drift if side > 0.0 else side * drift
+        set_branch(law_state, i, block, slope, lower, upper, 0.0)
 
     @outlined
     def deteriorate(law_parameters, law_state, i, block, side):
@@ -431,15 +408,9 @@ def _functions() -> LawFunctions:
             law_state[first + _PINCHED_DRIFT, i] = pinched_drift
             law_state[first + _PINCHED_FORCE, i] = pinched_force
             if zero_drift < pinched_drift - _REACHED_TOLERANCE * max_drift:
+                slope = pinched_force / (pinched_drift - zero_drift)
                 set_loading_branch(
-                    law_parameters,
-                    law_state,
-                    i,
-                    block,
-                    side,
-                    _PINCHED,
-                    pinched_force / (pinched_drift - zero_drift),
-                    pinched_drift,
+                    law_parameters, law_state, i, block, side, _PINCHED, slope, pinched_drift
                 )
                 return
         set_branch_to_peak(law_parameters, law_state, i, block, side)

@@ -20,12 +20,8 @@ def _functions() -> LawFunctions:
     @inline
     def strain_energy(law_parameters, law_state, i):
         """Return the elastic energy k d^2 / 2 of the committed state, J."""
-        return (
-            0.5
-            * law_parameters[rows.STIFFNESS, i]
-            * law_state[rows.DRIFT, i]
-            * law_state[rows.DRIFT, i]
-        )
+        drift = law_state[rows.DRIFT, i]
+        return 0.5 * law_parameters[rows.STIFFNESS, i] * drift * drift
 
     return LawFunctions(force=force, strain_energy=strain_energy, advance=no_operation)
 

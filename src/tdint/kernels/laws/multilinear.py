@@ -118,13 +118,6 @@ def _functions() -> LawFunctions:
     curve = backbone_curve(point_drift, point_force, last_slope, MAX_POINTS)
     segment_slope, segment_end, backbone_force = curve.slope, curve.end, curve.force
 
-    @inline
-    def set_loading(law_state, i, block, side, slope, end):
-        """Set a branch that is valid for the direction of a side, up to the drift `end`."""
-        upper = end if side > 0.0 else math.inf
-        lower = -end if side < 0.0 else -math.inf
-        set_branch(law_state, i, block, slope, lower, upper, side)
-
     peak_keys = [parameter(_FIRST_PEAK_KEY + j) for j in range(len(PeakKeys._fields) - 1)]
     peak = peak_rule(curve, PeakKeys._make([*peak_keys, has_side]), MAX_POINTS)
     set_backbone = peak.set_backbone
@@ -273,22 +266,19 @@ def _functions() -> LawFunctions:
             force = law_state[block + rows.FORCE, i]
             positive, _, _ = strength(law_parameters, i, 1.0, path)
             negative, _, _ = strength(law_parameters, i, -1.0, path)
-            set_branch(
-                law_state,
-                i,
-                block,
-                k,
-                drift - max(negative + force, 0.0) / k,
-                drift + max(positive - force, 0.0) / k,
-                0.0,
-            )
+            lower = drift - max(negative + force, 0.0) / k
+            upper = drift + max(positive - force, 0.0) / k
+            set_branch(law_state, i, block, k, lower, upper, 0.0)
             return
         force, slope, end = strength(law_parameters, i, side, path)
         if force <= TOLERANCE * point_force(law_parameters, i, side, 0):
             fail(law_state, i, block, FAILED)
             return
         law_state[block + rows.FORCE, i] = side * force
-        set_loading(law_state, i, block, side, slope, side * drift + (end - path) * k / (k - slope))
+        end = side * drift + (end - path) * k / (k - slope)
+        upper = end if side > 0.0 else math.inf
+        lower = -end if side < 0.0 else -math.inf
+        set_branch(law_state, i, block, slope, lower, upper, side)
 
     # ---- Rule `origin`
 
@@ -413,14 +403,9 @@ def _functions() -> LawFunctions:
         while True:
             end = min(segment_end(law_parameters, i, side, j), size)
             if end > begin:
-                energy += (
-                    0.5
-                    * (end - begin)
-                    * (
-                        backbone_force(law_parameters, i, side, j, begin)
-                        + backbone_force(law_parameters, i, side, j, end)
-                    )
-                )
+                forces = backbone_force(law_parameters, i, side, j, begin)
+                forces += backbone_force(law_parameters, i, side, j, end)
+                energy += 0.5 * (end - begin) * forces
             if end == size:
                 return energy
             begin = end

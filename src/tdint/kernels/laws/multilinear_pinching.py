@@ -82,14 +82,14 @@ _MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 def _functions() -> LawFunctions:
     """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import REST, extra_rows, fail, follow_branches
-
-    @inline
-    def side_row(side, row):
-        """Return the row of a quantity with one row per side; `row` is the row of the positive
-        side.
-        """
-        return row if side > 0.0 else row + 2
+    from tdint.kernels.laws.branch_following import (
+        REST,
+        extra_rows,
+        fail,
+        follow_branches,
+        set_directed,
+        side_row,
+    )
 
     @inline
     def point_drift(law_parameters, i, side, point):
@@ -412,13 +412,15 @@ def _functions() -> LawFunctions:
                 unloading_force, pinched_force = mean - abs(mean) / 100.0, mean + abs(mean) / 100.0
                 unloading_drift = start_drift + (unloading_force - start_force) / first_slope
                 pinched_drift = end_drift - (end_force - pinched_force) / last_slope_of_path
-        return validated_path(
-            start_drift,
-            start_force,
-            (unloading_drift, unloading_force, pinched_drift, pinched_force, end_drift, end_force),
-            _MIN_SLOPE * k,
-            secant,
+        points = (
+            unloading_drift,
+            unloading_force,
+            pinched_drift,
+            pinched_force,
+            end_drift,
+            end_force,
         )
+        return validated_path(start_drift, start_force, points, _MIN_SLOPE * k, secant)
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
@@ -433,11 +435,7 @@ def _functions() -> LawFunctions:
             1.0 - _REACHED_TOLERANCE
         ):
             end = min(end, last_drift(law_parameters, i))
-        law_state[block + rows.INTERNAL, i] = side * branch_type
-        law_state[block + rows.SLOPE, i] = slope
-        law_state[block + rows.RATE_SIGN, i] = side
-        law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
-        law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
+        set_directed(law_state, i, block, side, branch_type, slope, end)
 
     @outlined
     def set_backbone_branch(law_parameters, law_state, i, block, side):
@@ -454,28 +452,14 @@ def _functions() -> LawFunctions:
             end = point_drift(law_parameters, i, side, point)
             force = point_force(law_parameters, i, side, point)
             if drift < end * (1.0 - _REACHED_TOLERANCE):
+                slope = strength_factor * (force - start_force) / (end - start_drift)
                 set_loading_branch(
-                    law_parameters,
-                    law_state,
-                    i,
-                    block,
-                    side,
-                    _ON_BACKBONE,
-                    strength_factor * (force - start_force) / (end - start_drift),
-                    end,
+                    law_parameters, law_state, i, block, side, _ON_BACKBONE, slope, end
                 )
                 return
             start_drift, start_force = end, force
-        set_loading_branch(
-            law_parameters,
-            law_state,
-            i,
-            block,
-            side,
-            _ON_BACKBONE,
-            strength_factor * last_slope(law_parameters, i, side),
-            math.inf,
-        )
+        slope = strength_factor * last_slope(law_parameters, i, side)
+        set_loading_branch(law_parameters, law_state, i, block, side, _ON_BACKBONE, slope, math.inf)
 
     @outlined
     def continue_path(law_parameters, law_state, i, block, side):
@@ -513,15 +497,8 @@ def _functions() -> LawFunctions:
         law_state[first + _STIFFNESS_LOSS, i] = stiffness_loss
         law_state[first + _STRENGTH_LOSS, i] = strength_loss
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
-        points = path(
-            law_parameters,
-            i,
-            side,
-            side * drift,
-            side * law_state[block + rows.FORCE, i],
-            max_drift,
-            losses,
-        )
+        force = side * law_state[block + rows.FORCE, i]
+        points = path(law_parameters, i, side, side * drift, force, max_drift, losses)
         for row in range(6):
             law_state[first + _PATH_POINTS + row, i] = points[row]
         continue_path(law_parameters, law_state, i, block, side)
@@ -608,15 +585,8 @@ def _functions() -> LawFunctions:
             # A reversal at the current state would start a path towards the other side.
             side = -side
             max_drift = law_state[side_row(side, rows.HIGH_DRIFT), i]
-            points = path(
-                law_parameters,
-                i,
-                side,
-                side * drift,
-                side * force,
-                max_drift,
-                degradation(law_parameters, law_state, i, 0),
-            )
+            losses = degradation(law_parameters, law_state, i, 0)
+            points = path(law_parameters, i, side, side * drift, side * force, max_drift, losses)
         return released_energy(side * drift, side * force, points)
 
     @inline

@@ -192,12 +192,13 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
     `points` is the maximum number of points of the backbone curve of a side.
     """
     from tdint.kernels.compiling import inline, outlined
-    from tdint.kernels.laws.branch_following import fail, is_at_rest, set_branch
-
-    @inline
-    def row_of(side):
-        """Return the row of the farthest drift of a side; the next row contains z."""
-        return rows.HIGH_DRIFT if side > 0.0 else rows.LOW_DRIFT
+    from tdint.kernels.laws.branch_following import (
+        fail,
+        is_at_rest,
+        set_branch,
+        set_directed,
+        side_row,
+    )
 
     @outlined
     def steepest_slope(law_parameters, i, side):
@@ -221,7 +222,7 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
     def far(law_parameters, law_state, i, block, side):
         """Return the farthest drift of a side, at least that of the first point, m; on the backbone
         curve, the current drift is included."""
-        reached = abs(law_state[block + row_of(side), i])
+        reached = abs(law_state[block + side_row(side, rows.HIGH_DRIFT), i])
         if law_state[block + rows.INTERNAL, i] == side * BACKBONE:
             reached = max(reached, side * law_state[block + rows.DRIFT, i])
         return max(reached, curve.end(law_parameters, i, side, 0))
@@ -250,14 +251,6 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
             j += 1
         force = curve.force(law_parameters, i, side, j, far_drift)
         return min(max(stiffness, force / far_drift), steepest)
-
-    @inline
-    def set_directed(law_state, i, block, side, branch_type, slope, end):
-        """Set a branch that is valid for the direction of a side, up to the drift `end`."""
-        law_state[block + rows.INTERNAL, i] = side * branch_type
-        upper = end if side > 0.0 else math.inf
-        lower = -end if side < 0.0 else -math.inf
-        set_branch(law_state, i, block, slope, lower, upper, side)
 
     @outlined
     def set_backbone(law_parameters, law_state, i, block, side):
@@ -345,7 +338,7 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
         force_tolerance = _ON_CURVE * max(target_force, slope * first)
         end = math.nan
         if drift < target - tolerance:
-            zero_drift = side * law_state[block + row_of(side) + 1, i]
+            zero_drift = side * law_state[block + side_row(side, rows.HIGH_DRIFT) + 1, i]
             pinched_force = keys.pinching_force(law_parameters, i) * target_force
             pinched_drift = zero_drift + keys.pinching_drift(law_parameters, i) * (
                 target - (target_force - pinched_force) / slope - zero_drift
@@ -388,10 +381,10 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
         drift = law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] = 0.0
         if keys.has_side(law_parameters, i, side):
-            law_state[block + row_of(side) + 1, i] = drift
+            law_state[block + side_row(side, rows.HIGH_DRIFT) + 1, i] = drift
             continue_loading(law_parameters, law_state, i, block, side)
             return
-        law_state[block + row_of(-side) + 1, i] = drift
+        law_state[block + side_row(-side, rows.HIGH_DRIFT) + 1, i] = drift
         law_state[block + rows.INTERNAL, i] = side * _SLACK
         lower, upper = (drift, math.inf) if side > 0.0 else (-math.inf, drift)
         set_branch(law_state, i, block, 0.0, lower, upper, 0.0)
@@ -431,7 +424,7 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
         side = -law_state[block + rows.RATE_SIGN, i]
         drift = law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
-        row, other_row = row_of(side), row_of(-side)
+        row, other_row = side_row(side, rows.HIGH_DRIFT), side_row(-side, rows.HIGH_DRIFT)
         if is_virgin(law_parameters, law_state, i, block, side):
             # The movement from rest is in the direction that the branch has not assumed.
             if keys.has_side(law_parameters, i, side):
@@ -500,8 +493,8 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
             side = 1.0 if part == 0 else -1.0
             first = curve.end(law_parameters, i, side, 0)
             slope = curve.slope(law_parameters, i, side, 0)
-            law_state[row_of(side), i] = side * first
-            law_state[row_of(side) + 1, i] = 0.0
+            law_state[side_row(side, rows.HIGH_DRIFT), i] = side * first
+            law_state[side_row(side, rows.HIGH_DRIFT) + 1, i] = 0.0
             if keys.has_side(law_parameters, i, side):
                 if side > 0.0:
                     upper = first

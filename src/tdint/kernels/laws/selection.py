@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from tdint.kernels import layout as rows
+from tdint.kernels.building.compilable import HOOKS
 from tdint.kernels.compiling import COMPILES, inline
 from tdint.kernels.laws import LAWS, bilinear, linear
 from tdint.kernels.laws.branch_following import (
@@ -27,11 +28,25 @@ from tdint.kernels.laws.hooks import (
     properties,
 )
 
-if COMPILES:
-    from tdint.kernels.building.compiler import LawTable
+_PROPERTIES = len(HOOKS)  # position of the properties in a row of the table of laws
 
-    _table = LawTable(rows.CODE)
-    law_caller, law_properties = _table.caller, _table.properties()
+if COMPILES:
+    from tdint.kernels.building.compiler import law_entry, law_function
+
+    def law_caller(hook: str) -> Any:
+        slot, call = list(HOOKS).index(hook), law_function(HOOKS[hook])
+
+        @inline
+        def call_law(*arguments):
+            """Call the function of the law of the story."""
+            return call(law_entry(arguments[0][rows.CODE, arguments[2]], slot), arguments)
+
+        return call_law
+
+    @inline
+    def law_properties(law_parameters, i):
+        return law_entry(law_parameters[rows.CODE, i], _PROPERTIES)
+
 else:
 
     def law_caller(hook: str) -> Any:

@@ -227,15 +227,9 @@ def _functions() -> LawFunctions:
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
         """Add the work on the current curve; the stored energy is subtracted when the dissipated
         energy is requested."""
-        law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i] + (
-            work_along(
-                law_parameters,
-                i,
-                current_curve(law_state, i, trial),
-                law_state[previous + rows.DRIFT, i],
-                law_state[trial + rows.DRIFT, i],
-            )
-        )
+        start, end = law_state[previous + rows.DRIFT, i], law_state[trial + rows.DRIFT, i]
+        work = work_along(law_parameters, i, current_curve(law_state, i, trial), start, end)
+        law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i] + work
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):

@@ -33,14 +33,11 @@ def _functions() -> LawFunctions:
         F is the strength (N), k the initial stiffness (N/m) and d the drift (m).
         """
         strength = law_parameters[rows.FIRST_PARAMETER, i]
-        x = abs(law_parameters[rows.STIFFNESS, i] * law_state[rows.DRIFT, i] / strength)
+        k = law_parameters[rows.STIFFNESS, i]
+        x = abs(k * law_state[rows.DRIFT, i] / strength)
         # ln cosh x = x + ln(1 + exp(-2 x)) - ln 2 does not overflow.
-        return (
-            strength
-            * strength
-            / law_parameters[rows.STIFFNESS, i]
-            * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
-        )
+        logarithm = x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0)
+        return strength * strength / k * logarithm
 
     @inline
     def points(law_parameters, law_state, i, drift_change):
@@ -54,13 +51,8 @@ def _functions() -> LawFunctions:
 
         `drift_change` is the absolute change of drift along the path, m.
         """
-        return (
-            3.0
-            + 3.2
-            * drift_change
-            * law_parameters[rows.STIFFNESS, i]
-            / law_parameters[rows.FIRST_PARAMETER, i]
-        )
+        k, strength = law_parameters[rows.STIFFNESS, i], law_parameters[rows.FIRST_PARAMETER, i]
+        return 3.0 + 3.2 * drift_change * k / strength
 
     return LawFunctions(force=force, strain_energy=strain_energy, points=points)
 

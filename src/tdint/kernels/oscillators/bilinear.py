@@ -296,16 +296,8 @@ def _integrate_step(state, series, oscillator, g, slope, h):
         remaining = h - t
         load = -(g + slope * t) - state[OFFSET]
         # Compute the coefficients of the response on the branch; `terms` is their number.
-        terms = _taylor(
-            series,
-            state[U],
-            state[V],
-            load,
-            -slope,
-            k if side == 0.0 else hardening * k,
-            c,
-            remaining,
-        )
+        stiffness = k if side == 0.0 else hardening * k
+        terms = _taylor(series, state[U], state[V], load, -slope, stiffness, c, remaining)
         # The velocity is monotonic from 0 to `middle`, and from `middle` to `remaining`, because
         # the acceleration has at most one zero. `_root` locates this zero (derivative of order 2,
         # level 0) between the times 0 and `remaining`. series[2] is half of u'' at the time 0.

@@ -212,7 +212,7 @@ def _element_of_event(law_parameters, law_state, i, event):
 
 
 @outlined
-def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
+def first_event(linear_terms, h, memory, step_rows):
     """Locate the first change of branch of any story within a step: time as a fraction of the step,
     story and event (ABOVE, BELOW or REVERSED); (NONE, -1, REVERSED) without a change.
 
@@ -228,9 +228,11 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     - The drift rate has the sign opposite to RATE_SIGN, but the points d1, d2 and d3 follow each
       other in the direction of RATE_SIGN.
 
-    `u1` and `v1` are the rows of `scratch` with displacements and velocities at the end of the
-    step. Reversals of a story are ignored if its value in row `ignored` is not 0.
+    `step_rows` are the rows of `scratch` with displacements and velocities at the end of the step,
+    and the row that is not 0 for stories with reversals that are ignored.
     """
+    state, law_state, scratch, _ = memory
+    u1, v1, ignored = step_rows
     first_fraction = NONE
     story = -1
     event = rows.REVERSED

@@ -358,13 +358,9 @@ def _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, 
     results = Integrals(scratch, out)
     _clear(results, i)
     if is_piecewise_linear(law_parameters, i):
+        reversal_time = 1.0 if no_reversal else time_of_extremum(story_path)
         _integrate_piecewise_linear(
-            law_parameters,
-            law_state,
-            i,
-            story_path,
-            1.0 if no_reversal else time_of_extremum(story_path),
-            results,
+            law_parameters, law_state, i, story_path, reversal_time, results
         )
     elif dissipates(law_parameters, i):
         _integrate_hysteretic(law_parameters, law_state, i, story_path, results)
@@ -675,14 +671,8 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     for intermediate results.
     """
     copy_state(law_state, i, 0, rows.FIRST_TRIAL)
-    _integrate_monotonic(
-        law_parameters,
-        law_state,
-        i,
-        rows.FIRST_TRIAL,
-        path_segment(story_path, 0.0, reversal_time),
-        results,
-    )
+    path_before = path_segment(story_path, 0.0, reversal_time)
+    _integrate_monotonic(law_parameters, law_state, i, rows.FIRST_TRIAL, path_before, results)
     if reversal_time == 1.0:
         return
     after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
@@ -697,13 +687,8 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     if law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * direction < 0.0:
         copy_state(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         shift = -direction * _SHIFT * (abs(story_path.rise) + abs(story_path.bend))
-        advance_law(
-            law_parameters,
-            law_state,
-            i,
-            rows.SECOND_TRIAL,
-            drift_at(story_path, reversal_time) + shift,
-        )
+        drift = drift_at(story_path, reversal_time) + shift
+        advance_law(law_parameters, law_state, i, rows.SECOND_TRIAL, drift)
         _clear(shifted, i)
         _integrate_monotonic(law_parameters, law_state, i, rows.SECOND_TRIAL, path_back, shifted)
     _clear(after_reversal, i)

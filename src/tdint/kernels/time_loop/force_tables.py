@@ -291,13 +291,9 @@ def start_step(scene, points, h, load, shifts, memory, seen):
     observer_state, totals = seen.observer_state, seen.totals
     n = scene.linear_terms.shape[1] - 1
     t = load[rows.TIME]
-    for i in range(n):
-        observer_state[rows.START_FORCE, i] = 0.0
-        observer_state[rows.ACCELERATION_JUMP, i] = 0.0
-        observer_state[rows.ACCELERATION_DEVIATION, i] = 0.0
-        observer_state[rows.DEVIATION_BOUND, i] = 0.0
-        observer_state[rows.VELOCITY_BOUND, i] = 0.0
-        observer_state[rows.SHEAR_BOUND, i] = 0.0
+    for row in range(rows.START_FORCE, rows.SHEAR_BOUND + 1):
+        for i in range(n):
+            observer_state[row, i] = 0.0
     is_kinked = has_jumps = False
     power = rate = 0.0
     # Position of the end of the step in the tables with the same times

@@ -257,12 +257,8 @@ def integrate(
             # value.
             load[rows.TIME] = (step_index + completed_fraction) * h
             if stride > 1:
-                _fit_ground(
-                    ground,
-                    (step_index, completed_fraction, substep_fraction),
-                    (per_sample, stride),
-                    load,
-                )
+                position = step_index, completed_fraction, substep_fraction
+                _fit_ground(ground, position, (per_sample, stride), load)
                 ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (substep_fraction * h)
                 shift_ground(scene, load, shifts, memory, seen)
             else:
@@ -322,13 +318,8 @@ def integrate(
             update_law_energies(sum_law_energies, scene, memory, seen)
             # The relative accelerations are in equilibrium with the fitted line, so that the
             # absolute accelerations require its value (second argument).
-            store(
-                ground_1,
-                load[rows.GROUND_1],
-                memory,
-                seen,
-                (step_index + 1) // steps_per_row - rows_before,
-            )
+            row = (step_index + 1) // steps_per_row - rows_before
+            store(ground_1, load[rows.GROUND_1], memory, seen, row)
         ground_0 = ground_1
     if last_step == steps:
         update_law_energies(sum_law_energies, scene, memory, seen)

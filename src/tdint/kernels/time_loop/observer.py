@@ -202,12 +202,9 @@ def observe(scene, span, slope, memory, seen):
         floor = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor, peaks, i)
         if not (FULL and is_tree(linear_terms)):
+            change = excess * abs(a_above - link_above * a)
             may_exceed |= may_exceed_story_peaks(
-                reach_above,
-                excess * abs(a_above - link_above * a),
-                law_parameters[rows.STIFFNESS, next_story],
-                peaks,
-                next_story,
+                reach_above, change, law_parameters, peaks, next_story
             )
         # The first zero replaces the drift acceleration at the end, which the next pass computes.
         story = Ends(
@@ -284,14 +281,12 @@ def observe(scene, span, slope, memory, seen):
         v = v_below
         u_0, v_0, a_0 = u_0_below, v_0_below, a_0_below
     # The drift acceleration of the lowest story is the acceleration of floor 1.
-    stiffness = law_parameters[rows.STIFFNESS, 0]
     if FULL and is_tree(linear_terms):
         tie(linear_terms, observer_state, rows.OBSERVED_ACCELERATION)
         may_exceed |= _may_exceed_tree_peaks(scene, span, memory, seen)
     else:
-        may_exceed |= may_exceed_story_peaks(
-            reach_above, excess * abs(a_above), stiffness, peaks, 0
-        )
+        change = excess * abs(a_above)
+        may_exceed |= may_exceed_story_peaks(reach_above, change, law_parameters, peaks, 0)
     sums = momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
     _update_energies(scene, span, slope, sums, memory, seen)
     if flags[rows.HAS_DASHPOTS] != 0.0:
@@ -313,11 +308,8 @@ def observe(scene, span, slope, memory, seen):
 def _record_fractures(scene, span, memory, seen):
     """Store time and side of the fractures in the step. The largest drift up to a fracture is the
     drift of the fracture, or an earlier peak on the other side."""
-    linear_terms, law_parameters, law_state = (
-        scene.linear_terms,
-        scene.law_parameters,
-        memory.law_state,
-    )
+    linear_terms, _, law_parameters, _, _ = scene
+    law_state = memory.law_state
     for i in range(linear_terms.shape[1] - 1):
         for column in columns_of_story(law_parameters, i):
             if is_new_fracture(law_parameters, law_state, i, column):
@@ -363,13 +355,8 @@ def _may_exceed_tree_peaks(scene, span, memory, seen):
         ends = _story_ends(linear_terms, memory, observer_state, i)
         stiffness = limit_stiffness(linear_terms, law_parameters, i)
         reach = story_reach(span, ends, law_state[rows.FORCE, i], stiffness)
-        may_exceed |= may_exceed_story_peaks(
-            reach,
-            0.05 * span.h * span.h * abs(ends.a1),
-            law_parameters[rows.STIFFNESS, i],
-            peaks,
-            i,
-        )
+        excess = 0.05 * span.h * span.h * abs(ends.a1)
+        may_exceed |= may_exceed_story_peaks(reach, excess, law_parameters, peaks, i)
     return may_exceed
 
 
@@ -562,14 +549,9 @@ def _update_peaks(ground, state, law_state, seen):
         raise_peak(peaks, rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(peaks, rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
         # The deviation is zero unless a table of a force is not linear in the step.
-        raise_peak(
-            peaks,
-            rows.PEAK_ACCELERATION,
-            i,
-            observer_state[rows.OBSERVED_ACCELERATION, i]
-            + ground
-            + observer_state[rows.ACCELERATION_DEVIATION, i],
-        )
+        acceleration = observer_state[rows.OBSERVED_ACCELERATION, i] + ground
+        acceleration += observer_state[rows.ACCELERATION_DEVIATION, i]
+        raise_peak(peaks, rows.PEAK_ACCELERATION, i, acceleration)
         raise_peak(peaks, rows.PEAK_TOTAL_SHEAR, i, observer_state[rows.TOTAL_SHEAR, i])
 
 
@@ -655,15 +637,9 @@ def observe_within_step(update_located_peaks, may_exceed, scene, span, memory, s
         # The laws are evaluated only at reversals and instants that may cause a new peak.
         if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
             previous = step_start(scene.flags, span.on_path and span.cornered)
+            fast = 1 if span.fast else 0
             call_update_located_peaks(
-                update_located_peaks,
-                scene,
-                memory,
-                seen,
-                span.t,
-                span.h,
-                1 if span.fast else 0,
-                previous,
+                update_located_peaks, scene, memory, seen, span.t, span.h, fast, previous
             )
     if span.fast:
         for i in range(n):
