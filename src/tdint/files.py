@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -174,10 +175,10 @@ def _read(file: BinaryIO, most: int) -> bytes:
     The stream is read in blocks, so that reading an endless device stops, and so that memory is
     allocated only for the bytes that exist.
     """
-    content = bytearray()
-    while len(content) <= most and (block := file.read(_BYTES_PER_READ)):
-        content += block
-    return bytes(content)
+    content = BytesIO()
+    while content.tell() <= most and (block := file.read(_BYTES_PER_READ)):
+        content.write(block)
+    return content.getvalue()  # without a copy
 
 
 def is_named_pipe(source: str | Path) -> bool:

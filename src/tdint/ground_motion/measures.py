@@ -162,13 +162,29 @@ def measure(record: Record) -> Measures:
         leading, trailing = zeros_at_ends(record.acceleration)
         doubts = _doubts(record, motion)
     stored_pgv, stored_pgd = _stored_peaks(record, motion)
+    pgv, pgd = motion.pgv, motion.pgd
     # Peaks that are stored in the file are used instead of the integrated peaks, because they are
     # more accurate. The notes state the integrated peaks for comparison.
     peaks = (
-        ("velocity", stored_pgv, motion.pgv, "m/s"),
-        ("displacement", stored_pgd, motion.pgd, "m"),
+        ("velocity", stored_pgv, pgv, "m/s"),
+        ("displacement", stored_pgd, pgd, "m"),
     )
     del motion  # its arrays are as large as the record
+    # Integrals that several measures need are computed once.
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = cumulative_energy(record)
+        from_integrals = {
+            "pgv": pgv if stored_pgv is None else stored_pgv,
+            "pgd": pgd if stored_pgd is None else stored_pgd,
+            "arias": _ARIAS_FACTOR * float(energy[-1]),
+            "d5-75": _significant_duration(record, energy, 0.75),
+            "d5-95": _significant_duration(record, energy, 0.95),
+        }
+    del energy
+    values = {
+        name: from_integrals[name] if name in from_integrals else MEASURES[name].of(record)
+        for name in BUILTIN_MEASURES
+    }
     size = record.acceleration.size
     peak_notes = [
         f"the peak {name} is from the {name} in the file; integration from rest gives "
@@ -177,7 +193,7 @@ def measure(record: Record) -> Measures:
         if stored_peak is not None
     ]
     return Measures(
-        **{name.replace("-", "_"): MEASURES[name].of(record) for name in BUILTIN_MEASURES},
+        **{name.replace("-", "_"): value for name, value in values.items()},
         mean_period=mean_period(record),
         a95=a95(record),
         bracketed_duration=bracketed_duration(record, BRACKET),
@@ -511,7 +527,11 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
 def significant_duration(record: Record, fraction: float) -> float:
     """Return the time, s, from 5 % of the Arias intensity to the fraction `fraction` of the
     intensity, such as 0.95 (Trifunac and Brady 1975); nan if all samples are zero."""
-    energy = cumulative_energy(record)
+    return _significant_duration(record, cumulative_energy(record), fraction)
+
+
+def _significant_duration(record: Record, energy: Array, fraction: float) -> float:
+    """Return the result of `significant_duration` from that of `cumulative_energy`."""
     return time_of_energy(record, energy, fraction) - time_of_energy(record, energy, 0.05)
 
 

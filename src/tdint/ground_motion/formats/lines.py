@@ -7,16 +7,17 @@ import os
 import re
 import warnings
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import wraps
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import max_absolute
 from tdint.errors import RecordError
 
 _UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -57,8 +58,71 @@ _FINEST = 40
 """Maximum number of substeps between two printed times."""
 
 _SHORTEST, _LATEST = 1e-6, 1e9  # s; minimum sampling interval, maximum absolute time
+_BLOCK = 2**14  # times that are examined together, which limits the memory
 _SLIP = 0.02
 """Fraction of the sampling interval; permitted deviation of a time in addition to its rounding."""
+
+
+_PART = 2**18  # bytes of a text that are examined together, which limits the memory
+
+
+class TextLines(Sequence[str]):
+    """Lines of a text. A line is decoded when it is used, because separate texts of the lines of a
+    long record need several times the memory of its samples.
+
+    Parameters
+    ----------
+    data : bytes
+        Text with LF as line ends, UTF-8.
+    ends : ndarray, optional
+        Positions of the ends of the preceding line (-1 before the first) and of all lines of this
+        sequence. Default: all lines of `data`.
+    """
+
+    def __init__(self, data: bytes, ends: NDArray[np.int32] | None = None) -> None:
+        """Find the line ends of a text."""
+        self._data = data
+        if ends is None:
+            codes = np.frombuffer(data, np.uint8)
+            found = [
+                (np.flatnonzero(codes[start : start + _PART] == ord("\n")) + start).astype(np.int32)
+                for start in range(0, codes.size, _PART)
+            ]
+            first, last = np.array([[-1], [len(data)]], dtype=np.int32)
+            ends = np.concatenate([first, *found, last])
+        self._ends = ends
+
+    def __len__(self) -> int:
+        """Return the number of lines."""
+        return self._ends.size - 1
+
+    @overload
+    def __getitem__(self, index: int) -> str: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> TextLines: ...
+
+    def __getitem__(self, index: int | slice) -> str | TextLines:
+        """Return a line, or the successive lines of a slice."""
+        if isinstance(index, slice):
+            start, stop, _ = index.indices(len(self))
+            return TextLines(self._data, self._ends[start : max(start, stop) + 1])
+        index = range(len(self))[index]
+        return self._data[self._ends[index] + 1 : self._ends[index + 1]].decode()
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the lines."""
+        for text in self.parts():
+            yield from text.decode().split("\n")
+
+    def parts(self) -> Iterator[bytes]:
+        """Yield the text, UTF-8, in parts of complete lines without the last line end."""
+        start, last = 0, len(self)
+        while start < last:
+            stop = int(np.searchsorted(self._ends, self._ends[start] + _PART, side="right")) - 1
+            stop = min(max(stop, start + 1), last)
+            yield self._data[self._ends[start] + 1 : self._ends[stop]]
+            start = stop
 
 
 class Lines:
@@ -66,17 +130,17 @@ class Lines:
 
     Parameters
     ----------
-    text : str
-        Content of the file.
+    text : str or bytes
+        Content of the file; bytes are UTF-8 with LF as line ends.
     """
 
-    def __init__(self, text: str) -> None:
-        """Split the content of a file into lines."""
-        self._lines = text.split("\n")
+    def __init__(self, text: str | bytes) -> None:
+        """Find the lines of a file."""
+        self._lines = TextLines(text.encode() if isinstance(text, str) else text)
         # If the text ends with a newline, the text after it is empty and not a line.
         self._ends_with_newline = not self._lines[-1]
         if self._ends_with_newline:
-            self._lines.pop()
+            self._lines = self._lines[:-1]
         self._next = 0  # index of the next line, which is also the number of the last line read
 
     @property
@@ -93,7 +157,8 @@ class Lines:
             Text at the start of a line; lines without this prefix are unchanged.
         """
         lines = copy(self)
-        lines._lines = [line.removeprefix(prefix) for line in self._lines]
+        texts = [line.removeprefix(prefix) for line in self._lines]
+        lines._lines = TextLines("\n".join(texts).encode())
         return lines
 
     def skip(self, count: int) -> None:
@@ -135,7 +200,7 @@ class Lines:
             self._next += 1
         return None
 
-    def remaining(self) -> list[str]:
+    def remaining(self) -> TextLines:
         """Read all lines up to the end of the file, also blank lines and lines of any length."""
         start, self._next = self._next, len(self._lines)
         return self._lines[start:]
@@ -482,7 +547,9 @@ def read_lines(file: Any, *, text_only: bool = False) -> Lines:
         raise RecordError("the file must not exceed 64 MiB; extract the event from it first")
     if text_only and _is_binary(data[:_HEAD]):
         raise RecordError("this is not a text file")
-    return Lines(_decode(data))
+    # Most files need no other encoding and no other line ends. The text is then not copied.
+    is_plain = data.isascii() and not any(mark in data for mark in (b"\r", b"\x1a", b"\0"))
+    return Lines(data if is_plain else _decode(data))
 
 
 def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
@@ -596,11 +663,11 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     """
     if times.size < 2:
         raise RecordError("the file has only one sample; a record needs at least two")
-    if np.max(np.abs(times)) > _LATEST:
-        raise RecordError(f"times must be at most {_LATEST:g} s, got {np.max(np.abs(times)):g} s")
-    intervals = np.diff(times)
-    if not np.all(intervals > 0.0):
-        index = int(np.argmin(intervals > 0.0))
+    if (latest := max_absolute(times)) > _LATEST:
+        raise RecordError(f"times must be at most {_LATEST:g} s, got {latest:g} s")
+    increases = times[1:] > times[:-1]
+    if not np.all(increases):
+        index = int(np.argmin(increases))
         raise RecordError(
             f"times must increase, but do not after sample {index} (counted from 0) at "
             f"{times[index]:g} s"
@@ -611,6 +678,7 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     # The limit also applies to each interval. The caller reports the departure.
     if departure <= slack * float(times[-1] - times[0]):
         return dt, departure
+    intervals = np.diff(times)
     # Some programs write the end of an analysis as the last row, between two steps.
     if times.size > _MIN_ROWS:
         step, departure_before_last = _mean_step(times[:-1])
@@ -645,9 +713,12 @@ def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
     # a margin of half a unit. Times with few decimals may depart by at most half of the interval. A
     # departure of `_SLIP` (2 % of the interval) is always accepted.
     allowed = max(min(1.5 * rounding, 0.5 * dt), _SLIP * dt)
-    off_interval = np.abs(np.diff(times) - dt)
-    off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
-    departure = float(max(np.max(off_grid), np.max(off_interval)))
+    departure = 0.0
+    for start in range(0, times.size, _BLOCK):
+        part = times[start : start + _BLOCK + 1]
+        off_interval = np.diff(part) - dt
+        off_grid = part - times[0] - dt * np.arange(start, start + part.size)
+        departure = max(departure, max_absolute(off_interval), max_absolute(off_grid))
     return dt, 0.0 if departure <= allowed * (1.0 + 1e-6) else departure
 
 
@@ -701,8 +772,9 @@ def at_equal_steps(
 
 def last_decimal(values: NDArray[np.float64]) -> float:
     """Return the value of the last decimal of printed numbers."""
-    scale = float(np.max(np.abs(values)))
+    scale = max_absolute(values)
     for decimals in range(_MOST_DECIMALS):
-        if np.max(np.abs(values - np.round(values, decimals))) <= 1e-14 * scale:
+        parts = (values[start : start + _BLOCK] for start in range(0, values.size, _BLOCK))
+        if all(max_absolute(p - np.round(p, decimals)) <= 1e-14 * scale for p in parts):
             return float(10.0**-decimals)
     return float(10.0**-_MOST_DECIMALS)

@@ -14,11 +14,13 @@ from __future__ import annotations
 import re
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import max_absolute
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, MIN_COUNT, MIN_STEP
@@ -275,17 +277,18 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
     lines = len(widths)
     if lines < _MIN_TIMES:
         return FirstNumbers()
-    width = int(np.bincount(widths).argmax())
+    width = numbers.width if numbers.is_regular else int(np.bincount(widths).argmax())
     if width == widths[0] and is_index_row(words):
         return FirstNumbers(lines=1, note=f"line {number}, the numbers of the columns, is not read")
     unconfirmed = None
+    has_times = width > 1 and are_times(values[::width])
     for used in range(1, min(_MAX_FIRST_LINES, lines - 2) + 1):
         texts = [word for row in words[:used] for word in row]
         if len(texts) != int(np.sum(widths[:used])):  # numbers without separators
             break
         first, samples = values[: len(texts)].tolist(), values[len(texts) :]
         whole = [n for n in first if n >= 0.0 and n.is_integer()]
-        peak = float(np.max(np.abs(samples), initial=0.0))
+        peak = max_absolute(samples)
         steps = [
             n
             for text, n in zip(texts, first, strict=True)
@@ -293,7 +296,7 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
         ]
         steps.sort(key=_is_plausible, reverse=True)  # a flag may be printed as 1.0
         # Without the first lines, the first column may contain times.
-        is_timed = width > 1 and are_times(samples[::width]) and not are_times(values[::width])
+        is_timed = width > 1 and not has_times and are_times(samples[::width])
         is_other = bool(np.all(widths[:used] != width))
         count = _number_of_samples(whole, (lines - used, samples.size), samples, width)
         known = {float(count), peak, *steps}
@@ -460,9 +463,8 @@ def doubtful_lines(
 def _lines_above_times(numbers: Numbers, width: int) -> int:
     """Return the number of first lines without which the first column of a table contains times in
     equal steps; 0 if the complete table has such times, or no times."""
-    ends = numbers.line_ends
     for used in range(min(_MAX_FIRST_LINES, numbers.widths.size - _MIN_TIMES) + 1):
-        rest = numbers.values[ends[used] :]
+        rest = numbers.part(used).values
         # A single shorter line is reported as an irregular line.
         is_short = used == 1 and numbers.widths[0] != width
         if np.all(numbers.widths[used:] == width) and are_times(rest[::width]):
@@ -480,11 +482,13 @@ def _lines_above_samples(table: NDArray[np.float64]) -> int:
     """
     for used in range(min(_MAX_FIRST_LINES, len(table) - _JUMP_SAMPLES), 0, -1):
         first, samples = table[used - 1], table[used:]
+        changes = np.max(np.abs(np.diff(samples[:_JUMP_SAMPLES], axis=0)), axis=0)
+        change = np.abs(first - samples[0])
+        if not np.all(change > changes):  # the row continues to the samples
+            continue
         sizes = np.abs(samples)
         peaks = np.max(sizes, axis=0)
         is_peak = np.abs(np.abs(first) - peaks) <= _EQUAL * peaks
-        changes = np.max(np.abs(np.diff(samples[:_JUMP_SAMPLES], axis=0)), axis=0)
-        change = np.abs(first - samples[0])
         has_jump = change > _JUMP * changes
         # The peak of a motion is unique, unless the motion is periodic or has few digits. A motion
         # that starts at a peak continues smoothly.
@@ -505,7 +509,7 @@ def _differs(values: NDArray[np.float64], used: int) -> tuple[bool, int]:
     samples = values[used:]
     largest = _JUMP * float(np.max(np.abs(np.diff(samples[:_JUMP_SAMPLES])), initial=0.0))
     has_jump = bool(np.any(np.abs(values[:used] - samples[0]) > largest))
-    others = samples[samples != 0.0][:_JUMP_SAMPLES].tolist()
+    others = list(islice(filter(None, samples.flat), _JUMP_SAMPLES))
     more = sorted(
         _significant_digits(sample) - _significant_digits(values[used - 1]) for sample in others
     )

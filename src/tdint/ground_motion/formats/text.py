@@ -355,7 +355,7 @@ def _columns(numbers: Numbers, kind: str) -> list[NDArray[np.float64]]:
         return list(numbers.values.reshape(-1, 2).T.copy())
     if kind == "numbered rows":
         return [numbers.without_first().values]
-    return list(numbers.table().T.copy())
+    return list(numbers.table().T)
 
 
 def _with_separate_first_lines(
@@ -368,8 +368,8 @@ def _with_separate_first_lines(
     if is_short:
         joined = NumberBlock(
             previous.above,
-            previous.lines + block.lines,
-            previous.line_numbers + block.line_numbers,
+            [*previous.lines, *block.lines],
+            [*previous.line_numbers, *block.line_numbers],
             [index + len(previous.lines) for index in block.after_blank],
         )
         above = block_numbers(previous)
@@ -415,6 +415,8 @@ def _stated_part(
     of the header may precede the samples without a line of text, in lines with whole numbers or
     with another number of values; other lines may be samples of another record.
     """
+    if not stated.counts:
+        return 0, None
     lines, total = numbers.sizes
     ends = numbers.line_ends
     for count in sorted(stated.counts):
@@ -526,7 +528,7 @@ def _check_decimal_points(block: NumberBlock, numbers: Numbers, skipped: int) ->
     number of decimals: the point is lost. Zero may be written without a point. The first `skipped`
     numbers of each line are not samples."""
     lines, values = numbers.sizes
-    points = "\n".join(block.lines).count(".")
+    points = sum(part.count(b".") for part in block.text.parts())
     if points == values - skipped * lines or values < _MIN_VALUES:
         return
     rows = [_SEPARATORS.split(line.strip(" \t,;"))[skipped:] for line in block.lines]
