@@ -26,6 +26,7 @@ from tdint.ground_motion.measures import (
 )
 from tdint.ground_motion.record import Record
 from tdint.output.tables.spectra import record_info
+from tdint.response.spectra.elastic import spectrum
 from tdint.units import STANDARD_GRAVITY
 
 
@@ -314,3 +315,15 @@ class TestLongRecords:
         finally:
             tracemalloc.stop()
         assert most < 6 * motion.acceleration.nbytes
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_predominant_period_is_the_maximum_of_the_complete_spectrum(seed):
+    """The search evaluates a part of the periods only, and finds the same period."""
+    rng = np.random.default_rng(seed)
+    width = int(rng.integers(2, 60))
+    motion = np.convolve(rng.standard_normal(1500), np.hanning(width + 2), "same")
+    ground_motion = record(motion, dt=(0.005, 0.02, 0.3)[seed % 3])
+    complete = spectrum(ground_motion, np.geomspace(0.02, 10.0, 625))
+    found = record_info(ground_motion).predominant_period
+    assert found == complete.periods[np.argmax(complete.psa)]
