@@ -262,7 +262,7 @@ def write_recordings(folder: Path, geonet: Path) -> None:
     for station, recording in KAIKOURA.items():
         path = geonet / recording.file
         if hashlib.sha256(path.read_bytes()).hexdigest() != recording.sha256:
-            raise SystemExit(f"{path} differs from the source of these motions")
+            raise SystemExit(f"{path} is not the file from which these motions were created")
         codes = dict(zip((*recording.azimuths, "UP"), ("HN1", "HN2", "HNZ"), strict=True))
         traces = [trace for trace in read(str(path)) if trace.stats.channel in codes]
         for trace in traces:
