@@ -38,7 +38,7 @@ from tdint.response.spectra.inelastic import constant_strength
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile
 from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture, ratio_picture
-from tdint.studies.motions.outcomes import COLLAPSED, COMPLETED, with_outcomes
+from tdint.studies.motions.pairs import COLLAPSED, COMPLETED, with_outcomes
 from tdint.studies.sensitivity.sensitivity import PEAKS, ParameterEffect
 from tdint.studies.sensitivity.sensitivity_figures import sensitivity_picture
 from tdint.units import parse_output_units

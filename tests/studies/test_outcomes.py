@@ -17,7 +17,7 @@ from tdint.studies.fragility.fit_table import FragilityRequest, SuiteRuns, fit_s
 from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_levels, fit_stripes
 from tdint.studies.fragility.measures import over_motions
 from tdint.studies.ida.ida_curve import IdaCurve, IdaRun, PairCurve
-from tdint.studies.motions import outcomes as o
+from tdint.studies.motions import pairs as o
 from tdint.studies.motions.intensity import MotionIntensity, pga, sa
 from tdint.studies.motions.pairs import (
     LARGER,

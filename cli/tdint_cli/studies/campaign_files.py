@@ -26,18 +26,17 @@ from tdint.studies.campaign.execute import Advance, Engine, Shard, execute_plan,
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.story_profiles import (
     FloorSuite,
+    check_baseline,
     floor_suites,
     run_floors,
 )
-from tdint.studies.campaign.variants import check_baseline
 from tdint.studies.fragility.building_damage import has_losses
 from tdint.studies.fragility.measures import measured, run_measure
 from tdint.studies.motions.pairs import PairRule, check_pairs
 from tdint.studies.regions import maps as map_tables
 from tdint.studies.store import schema
-from tdint.studies.store.identity import Identity
 from tdint.studies.store.opening import open_replacement, open_store, write_from_store
-from tdint.studies.store.result_store import FILE, Store, foreign_file_error
+from tdint.studies.store.result_store import FILE, Identity, Store, foreign_file_error
 from tdint.studies.store.schema import AnotherStudyError, UntrustedStoreError
 from tdint.system import processors
 from tdint_cli import options

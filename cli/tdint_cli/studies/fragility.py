@@ -200,7 +200,7 @@ def command(request: Request) -> None:
 
 def _compare(request: Request) -> None:
     """Compare intensity measures, write the table and report the most efficient measure."""
-    from tdint.studies.fragility.measure_comparison import compare_measures
+    from tdint.studies.fragility.measures import compare_measures
 
     fits = compare_measures(request.table, request.im or (), request.sufficiency)
     request.outputs.deliver(studies.fragility_tables.comparison_of_measures(fits))
@@ -243,9 +243,9 @@ def _fit(request: Request) -> None:
         EVERY_DEMAND,
         FragilityRequest,
         fit_table,
+        fit_types,
         study_summary,
     )
-    from tdint.studies.fragility.fit_types import fit_types
     from tdint.studies.fragility.hazard import at_risk, read_hazard
 
     outputs, by = request.outputs, request.by

@@ -34,8 +34,8 @@ from tdint.studies.campaign.story_profiles import (
     SuiteLevel,
     SuiteRules,
     profiles,
+    ratios,
 )
-from tdint.studies.campaign.variants import ratios
 from tdint.studies.fragility.damage_tables import check_column
 from tdint.studies.store.result_store import Store
 from tdint.units import OutputUnits

@@ -20,7 +20,7 @@ from tdint.studies.campaign.inputs import adapted, read_rows
 from tdint.studies.motions.intensity import sa
 from tdint.studies.motions.pairs import recording_numbers
 from tdint.studies.motions.scaling import scale, scale_p695
-from tdint.studies.store.identity import all_differences, differences
+from tdint.studies.store.result_store import all_differences, differences
 
 HEIGHTS = (4.0, 3.0, 3.5)
 BUILDING = model(

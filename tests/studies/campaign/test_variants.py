@@ -7,9 +7,8 @@ import pytest
 
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.studies.campaign.chunks import Run
-from tdint.studies.campaign.story_profiles import Profile, Statistics
-from tdint.studies.campaign.variants import ratios, story_pairs
-from tdint.studies.motions.outcomes import COLLAPSED, COMPLETED
+from tdint.studies.campaign.story_profiles import Profile, Statistics, ratios, story_pairs
+from tdint.studies.motions.pairs import COLLAPSED, COMPLETED
 
 
 def profile(name: str, drifts: dict[int, list[float]], collapsed=(), heights=(), isolators=()):

@@ -18,8 +18,7 @@ from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import SuiteRules
 from tdint.studies.fragility.building_damage import BuildingDamage, TypeDamage
 from tdint.studies.ida.ida import _elastic_scale
-from tdint.studies.motions.outcomes import COLLAPSED, COMPLETED, FAILED
-from tdint.studies.motions.pairs import PairRule
+from tdint.studies.motions.pairs import COLLAPSED, COMPLETED, FAILED, PairRule
 
 STATES = DamageStates(
     "drift_ratio",

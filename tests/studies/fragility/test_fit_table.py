@@ -21,8 +21,7 @@ from tdint.studies.fragility.fit_table import (
 )
 from tdint.studies.fragility.fits import fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_function import Fragility
-from tdint.studies.fragility.measure_comparison import line
-from tdint.studies.fragility.measures import motions_of
+from tdint.studies.fragility.measures import line, motions_of
 
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])
 MOTIONS = 12

@@ -8,9 +8,8 @@ import pytest
 from scipy.integrate import quad
 
 from tdint.errors import AnalysisError, ModelError
-from tdint.studies.fragility.collapse_cloud import CollapseCloud
 from tdint.studies.fragility.fits import fit_cloud
-from tdint.studies.fragility.fragility_function import CloudPoints, Fragility
+from tdint.studies.fragility.fragility_function import CloudPoints, CollapseCloud, Fragility
 from tdint.studies.fragility.hazard import (
     HazardCurve,
     at_risk,

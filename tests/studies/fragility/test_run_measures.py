@@ -14,8 +14,7 @@ from tdint.ground_motion.measures import cumulative_absolute_velocity_above, mea
 from tdint.ground_motion.record import Record
 from tdint.response.spectra.elastic import spectrum
 from tdint.response.spectra.inelastic import constant_strength
-from tdint.studies.fragility.measure_comparison import compare_measures, line
-from tdint.studies.fragility.measures import run_measure
+from tdint.studies.fragility.measures import compare_measures, line, run_measure
 from tdint.units import STANDARD_GRAVITY
 
 

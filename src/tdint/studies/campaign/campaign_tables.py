@@ -34,12 +34,12 @@ from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.studies.campaign.story_profiles import (
     FloorSuite,
     Profile,
+    Ratios,
     SpectraOfRuns,
     Statistics,
     level_measure,
     profiles,
 )
-from tdint.studies.campaign.variants import Ratios
 from tdint.studies.fragility.measures import RunMeasure
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import RowTable

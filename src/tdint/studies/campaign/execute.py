@@ -37,7 +37,6 @@ from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.studies.campaign.reader import load_campaign
 from tdint.studies.campaign.story_profiles import profiles
 from tdint.studies.store import schema
-from tdint.studies.store.identity import INVENTORY_CHANGED, Identity, all_differences, stored_text
 from tdint.studies.store.opening import (
     obstacle_to_reuse,
     open_existing,
@@ -47,7 +46,15 @@ from tdint.studies.store.opening import (
     remove_store,
     replacement_of,
 )
-from tdint.studies.store.result_store import FILE, Store, is_empty
+from tdint.studies.store.result_store import (
+    FILE,
+    INVENTORY_CHANGED,
+    Identity,
+    Store,
+    all_differences,
+    is_empty,
+    stored_text,
+)
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, progress_reporter
 

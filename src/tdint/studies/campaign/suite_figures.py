@@ -39,12 +39,12 @@ from tdint.studies.campaign.story_profiles import (
     DRIFT_RATIO,
     FloorSuite,
     Profile,
+    at_levels,
     isolated_base,
     level_text,
+    ratios_of,
 )
-from tdint.studies.campaign.variants import at_levels, ratios_of
-from tdint.studies.motions.outcomes import outcomes_of, with_outcomes
-from tdint.studies.motions.pairs import MEAN, suite_text
+from tdint.studies.motions.pairs import MEAN, outcomes_of, suite_text, with_outcomes
 from tdint.studies.motions.scaling_figures import GRAY
 from tdint.units import SI, OutputUnits
 

@@ -44,14 +44,19 @@ from tdint.studies.campaign.campaign_tables import (
 )
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
-from tdint.studies.campaign.story_profiles import FloorSuite, Profile, isolated_base
-from tdint.studies.campaign.variants import at_levels, ratios_of, story_pairs
+from tdint.studies.campaign.story_profiles import (
+    FloorSuite,
+    Profile,
+    at_levels,
+    isolated_base,
+    ratios_of,
+    story_pairs,
+)
 from tdint.studies.fragility.building_damage import has_losses
 from tdint.studies.fragility.damage_tables import loss_table, type_table
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
-from tdint.studies.motions.outcomes import MIN_COMMON
-from tdint.studies.motions.pairs import describe_demand, recordings_of
+from tdint.studies.motions.pairs import MIN_COMMON, describe_demand, recordings_of
 from tdint.studies.motions.scaling import Scaling
 from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits, suffix
@@ -657,9 +662,9 @@ _MAX_SENTENCES = 3  # maximum number of levels with a separate sentence
 class _Variant(NamedTuple):
     """Row of the table: a building at a level. Means are over its completed motions, in the story
     or floor with the largest mean; `ratio` is the ratio of the mean drifts to the baseline
-    (`tdint.studies.campaign.variants`). The last two values are the mean peak force, N, and the
-    mean stroke, m, of the devices in the story where each is largest; nan without devices. The
-    stroke is the drift of the story."""
+    (`ratios_of`). The last two values are the mean peak force, N, and the mean stroke, m, of the
+    devices in the story where each is largest; nan without devices. The stroke is the drift of the
+    story."""
 
     profile: Profile
     mean_drift: float = math.nan

@@ -25,7 +25,8 @@ from tdint.model.damage_states import COST, DEMANDS, NUMBER, DamageStates
 from tdint.response.runs.damage import RunDamage, probabilities
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.chunks import Run
-from tdint.studies.motions.outcomes import (
+from tdint.studies.motions.pairs import (
+    SEPARATE,
     Indices,
     Mean,
     demands_of_motions,
@@ -35,7 +36,6 @@ from tdint.studies.motions.outcomes import (
     outcomes_of,
     worst_runs,
 )
-from tdint.studies.motions.pairs import SEPARATE
 from tdint.studies.store.result_store import Store
 
 _COLUMNS = {quantity.name: quantity.column for quantity in RUN}

@@ -32,7 +32,6 @@ from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.number_parsing import LARGEST
 from tdint.response.arguments import between
-from tdint.studies.fragility.collapse_cloud import CollapseCloud, collapse_line
 from tdint.studies.fragility.fragility_function import (
     CLOUD,
     IDA,
@@ -41,8 +40,10 @@ from tdint.studies.fragility.fragility_function import (
     NORMAL_95,
     STRIPES,
     CloudPoints,
+    CollapseCloud,
     Fragility,
     Points,
+    collapse_line,
 )
 
 _MAX_ITERATIONS = 200

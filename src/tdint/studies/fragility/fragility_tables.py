@@ -10,7 +10,7 @@ import numpy as np
 
 from tdint.output.tables.table import PAIR_DEMAND, TEXT, Cell, Column, Table
 from tdint.studies.fragility.fragility_function import BINS, Fragility
-from tdint.studies.fragility.measure_comparison import MeasureFit
+from tdint.studies.fragility.measures import MeasureFit
 from tdint.studies.ida.ida_tables import DAMAGE
 
 FRAGILITY_DAMAGE = Column.named("damage", DAMAGE.meaning)

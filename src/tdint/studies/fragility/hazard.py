@@ -23,8 +23,7 @@ from scipy.special import log_ndtr, ndtri
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError
-from tdint.studies.fragility.collapse_cloud import CollapseCloud
-from tdint.studies.fragility.fragility_function import Fragility, Risk
+from tdint.studies.fragility.fragility_function import CollapseCloud, Fragility, Risk
 from tdint.studies.motions.intensity import PAIRS
 from tdint.units import GROUND_MOTION, canonical, parse_units, suffix
 

@@ -61,9 +61,8 @@ from tdint.studies.motions.pairs import (
     motions_along_axes,
     suite_text,
 )
-from tdint.studies.store.identity import Identity, as_json
 from tdint.studies.store.opening import open_or_create, open_replacement
-from tdint.studies.store.result_store import Store
+from tdint.studies.store.result_store import Identity, Store, as_json
 from tdint.studies.store.schema import locked
 from tdint.system import on_threads
 from tdint.tabular import Progress, Tabular, progress_reporter

@@ -27,8 +27,7 @@ from tdint.response.runs.outcome import FailedRun
 from tdint.response.runs.run_values import RUN_WITH_ERROR
 from tdint.response.runs.sequence import EventSequence, event_responses, sequence_of
 from tdint.studies.campaign.chunks import RunRow
-from tdint.studies.motions.outcomes import demands_of_motions
-from tdint.studies.motions.pairs import LARGER, MEAN
+from tdint.studies.motions.pairs import LARGER, MEAN, demands_of_motions
 
 # ---- Curve of a building under one record: runs at levels of intensity, and search for levels
 #

@@ -10,8 +10,15 @@ from tdint.errors import OutputError, UsageError
 from tdint.files import Content, is_there, protect_input, refuse_protected, settle, write_files
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.store import schema
-from tdint.studies.store.identity import Identity, all_differences, differences
-from tdint.studies.store.result_store import FILE, Store, create_tables, is_empty
+from tdint.studies.store.result_store import (
+    FILE,
+    Identity,
+    Store,
+    all_differences,
+    create_tables,
+    differences,
+    is_empty,
+)
 from tdint.studies.store.schema import (
     connect,
     connect_to_read,
