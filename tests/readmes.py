@@ -107,7 +107,12 @@ def _dimension(parameter: LawParameter):
         return " \\| ".join(parameter.choices)
     powers = {"force": parameter.force, "length": parameter.length}
     above, below = (
-        [name for name, power in powers.items() if power * sign > 0] for sign in (1, -1)
+        [
+            name if power == sign else f"{name}^{power * sign:g}"
+            for name, power in powers.items()
+            if power * sign > 0
+        ]
+        for sign in (1, -1)
     )
     return (
         (above[0] if above else "1") + "".join(f"/{name}" for name in below)

@@ -1292,6 +1292,36 @@ class Tanh(Spring):
 
 
 @law(
+    "hertz",
+    stiff=lambda rng, k, F: {"gap": 1.5 * F / k, "stop_stiffness": 20.0 * k**1.5 / F**0.5},
+    **{
+        "one side": lambda rng, k, F: {
+            **{"gap": 1.2 * F / k, "stop_stiffness": 5.0 * k**1.5 / F**0.5, "sides": "negative"}
+        }
+    },
+)
+class Hertz(Spring):
+    """Elastic spring with stops whose force grows with the power 1.5."""
+
+    def read(self, parameters):
+        self.gap, self.stop = parameters["gap"], parameters["stop_stiffness"]
+        sides = parameters.get("sides", "both")
+        self.has = {1.0: sides != "negative", -1.0: sides != "positive"}
+
+    def overlap(self, drift):
+        return max(abs(drift) - self.gap, 0.0) * self.has[math.copysign(1.0, drift)]
+
+    def value(self, drift, *variables):
+        return self.k * drift + math.copysign(self.stop * self.overlap(drift) ** 1.5, drift)
+
+    def tangent(self, drift, *variables):
+        return self.k + 1.5 * self.stop * self.overlap(drift) ** 0.5
+
+    def largest(self, drift):
+        return max(abs(self.value(sign * drift)) for sign in (-1, 1))
+
+
+@law(
     "polynomial",
     stiffening=lambda rng, k, F: {"coefficients": [k, 0.0, 0.4 * k**3 / F**2]},
     unequal=lambda rng, k, F: {"coefficients": [k, 0.25 * k**2 / F, 0.1 * k**3 / F**2]},

@@ -35,6 +35,7 @@ LAW_CASES = {
     "tanh": (FY,),
     "bouc-wen": (FY, HARDENING, 1.7, 0.6, *DEGRADING),
     "gap": (0.05, 4.0 * K, 0.0, 0.0, 1.0),
+    "hertz": (0.05, 20.0 * K, 0.0, 1.0),
     "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
     "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
     "multilinear-pinching": (*2 * MULTILINEAR_SIDE, *2 * (0.5, 0.25, 0.05), *INTACT),
@@ -54,7 +55,7 @@ def test_declarations_of_law_agree_with_its_functions(name):
     assert LAWS[name].kinked == (LAWS[name].functions().switch is not None)
     law_parameters = law_table(name, *LAW_CASES[name])
     state = law_state_table(law_parameters)
-    start(law_parameters, state, 0, 0.0)
+    start(law_parameters, state, 0, 0.06 if name == "hertz" else 0.0)  # linear within the gap
     assert math.isinf(state[rows.SLOPE, 0]) == LAWS[name].curved
     # Force, tangent and branches agree along paths from the elastic range to drifts far beyond
     # yielding.

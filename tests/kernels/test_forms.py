@@ -160,6 +160,18 @@ def test_features(features, method):
 
 
 @pytest.mark.parametrize(
+    ("restitution", "method"), [(0.6, "impulse4"), (1.0, "moment4"), (1.0, "newmark-average")]
+)
+def test_contact_of_hertz(restitution, method):
+    model = building(("contact",))
+    law = model["links"][-1]["law"]
+    del law["dashpot"]
+    law.update(type="hertz", restitution=restitution)
+    law["stop_stiffness"] /= law["gap"] ** 0.5
+    compare_forms(model, method)
+
+
+@pytest.mark.parametrize(
     ("law", "method"), every(2, [(law, method) for law in [None, *LAWS] for method in METHODS])
 )
 def test_laws(law, method):

@@ -131,6 +131,11 @@ def spring_of(entry):
     elif kind == "gap":
         size, stop = law["gap"], law["stop_stiffness"]
         spring = laws.Spring(lambda x: k * x + stop * np.copysign(max(abs(x) - size, 0.0), x))
+    elif kind == "hertz":
+        size, stop = law["gap"], law["stop_stiffness"]
+        spring = laws.Spring(
+            lambda x: k * x + stop * np.copysign(max(abs(x) - size, 0.0) ** 1.5, x)
+        )
     elif kind == "bilinear":
         negative = law.get("negative", {}).get("yield_force")
         spring = laws.Bilinear(k, strength, law["hardening"], negative)

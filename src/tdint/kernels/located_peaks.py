@@ -23,6 +23,7 @@ from tdint.kernels.peaks_between_steps import (
 from tdint.kernels.step_interpolant import quintic_motion
 from tdint.kernels.stepping import MEMORY, SCENE, SEEN, Located, Span
 from tdint.kernels.stories.brace import brace_force_at
+from tdint.kernels.stories.impact import damping_slope
 from tdint.kernels.stories.law_state import (
     columns_of_story,
     drift_of_fracture,
@@ -149,7 +150,10 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
                 block = _move_to_reversal(span.h, law_parameters, law_state, i, previous, story, s)
             tangent = restoring_force(law_parameters, law_state, i, block, rows.SECOND_TRIAL, drift)
         if FULL and has_damper_state:
-            force = linear_terms[rows.TANGENT_DAMPING, i] * tangent * (v - link * v_below)
+            force = 0.0
+            if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+                slope = damping_slope(law_parameters, law_state, i, rows.SECOND_TRIAL, tangent)
+                force = linear_terms[rows.TANGENT_DAMPING, i] * slope * (v - link * v_below)
             if linear_terms[rows.BRACE, i] != 0.0:
                 story = story_ends(floor, below, link, end)
                 motion = (drift - story.u0, story.v0, v - link * v_below)

@@ -67,6 +67,7 @@ from tdint.kernels.stories.branches import (
     switch,
     synchronize,
 )
+from tdint.kernels.stories.impact import damping_slope, start_impact
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
     commit,
@@ -143,7 +144,11 @@ def step(coefficients, scene, h, load, memory):
     # The division into substeps failed. Newton's method does not update the branches of the laws.
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         for i in range(n):
+            was_open = law_state[rows.SLOPE, i] < math.inf
             resume(law_parameters, law_state, i)
+            if FULL and was_open and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+                rate = story_value(linear_terms, state, rows.VELOCITY, i)
+                start_impact(law_parameters, law_state, i, rate)
     return code if finite(state, n) else rows.NOT_FINITE
 
 
@@ -377,11 +382,12 @@ def _change_branch(scene, memory, story, column, event):
     # law.
     if FULL and linear_terms[rows.TANGENT_DAMPING, story] != 0.0:
         rate = story_value(linear_terms, state, rows.VELOCITY, story)
-        damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate
-        if law_state[rows.SLOPE, story] < math.inf:
-            damping_force *= law_state[rows.SLOPE, story]
-        else:
-            damping_force *= tangent_in_motion(law_parameters, law_state, story, rate)
+        slope = law_state[rows.SLOPE, story]
+        if slope == math.inf:
+            slope = tangent_in_motion(law_parameters, law_state, story, rate)
+        start_impact(law_parameters, law_state, story, rate)
+        slope = damping_slope(law_parameters, law_state, story, rows.COMMITTED, slope)
+        damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate * slope
         jump += damping_force - state[rows.DAMPING_FORCE, story]
         state[rows.DAMPING_FORCE, story] = damping_force
     if jump != 0.0:
@@ -642,7 +648,7 @@ def _commit_tangent_damping(linear_terms, state, scratch):
         coefficient = linear_terms[rows.TANGENT_DAMPING, i]
         if coefficient != 0.0:
             rate = story_value(linear_terms, scratch, momentum.V1, i)
-            state[rows.DAMPING_FORCE, i] = coefficient * scratch[ROW.TANGENT_1, i] * rate
+            state[rows.DAMPING_FORCE, i] = coefficient * scratch[ROW.DAMPING_SLOPE, i] * rate
             state[rows.DAMPING_WORK, i] += scratch[ROW.TANGENT_WORK, i]
 
 
@@ -846,6 +852,7 @@ FAMILY = Family(
     step_peaks=ROW.PEAKS,
     devices=True,
     braced_devices=True,
+    impact_damping=True,
 )
 
 METHODS = (

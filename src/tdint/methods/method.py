@@ -125,6 +125,8 @@ class Family:
         throughout (`tdint.kernels.linear_terms`).
     braced_devices : bool
         True if it supports them together with braces of dampers and tangent damping.
+    impact_damping : bool
+        True if it supports the damping of contacts with the law `hertz`.
     """
 
     name: str
@@ -146,6 +148,7 @@ class Family:
     step_peaks: int = 0
     devices: bool = False
     braced_devices: bool = False
+    impact_damping: bool = False
 
 
 @dataclass(frozen=True)

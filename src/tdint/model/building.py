@@ -236,6 +236,12 @@ class Building:
         return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, :-1] != 0.0))
 
     @property
+    def impact_damped(self) -> bool:
+        """True if a contact of Hertz has damping."""
+        damped = self.law_parameters[rows.CODE, : self.stories] == CODES["hertz"]
+        return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, :-1][damped] != 0.0))
+
+    @property
     def has_damper_state(self) -> bool:
         """True if a damper has state variables: with a brace or tangent damping."""
         return self.braced or self.tangent_damped

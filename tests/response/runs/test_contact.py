@@ -35,64 +35,87 @@ links:
   - {{name: joint, from: 2, to: east2, law: {{type: gap, gap: 0.02, stop_stiffness: 3.0e4,
      sides: negative{law}}}}}
 """
+HERTZ = BUILDINGS.replace("type: gap", "type: hertz")
 MASS = 1e3 * np.array([90.0, 75.0, 70.0, 55.0])
 
 
-def reference(dashpot):
+def reference(stop, damping_of):
     """Peak displacements of the floors, peak spring force of the joint, and time, duration, peak
-    force and energy of each contact."""
+    force and energy of each contact.
+
+    `stop` is the force of the stop, N, as a function of the overlap, m; `damping_of` the
+    coefficient of its dashpot as a function of this force and of the approach velocity.
+    """
     stiffness, damping = 1e3 * np.array([9e3, 7e3, 2.4e4, 2.1e4]), 1e3 * np.array([80, 70, 110, 90])
-    gap, stop = 0.02, 3.0e7
     drifts = np.eye(4)
     drifts[1, 0] = drifts[3, 2] = -1.0
 
-    def rate(t, y, is_closed):
+    def contact(y, approach):
+        spring = stop(np.maximum(y[1] - y[3] - 0.02, 0.0))
+        return spring, damping_of(spring, approach) * (y[5] - y[7])
+
+    def rate(t, y, approach):
         force = drifts.T @ (stiffness * (drifts @ y[:4]) + damping * (drifts @ y[4:]))
-        if is_closed:
-            contact = stop * (y[1] - y[3] - gap) + dashpot * (y[5] - y[7])
-            force += contact * np.array([0.0, 1.0, 0.0, -1.0])
+        if approach:
+            force += sum(contact(y, approach)) * np.array([0.0, 1.0, 0.0, -1.0])
         return [*y[4:], *(-force / MASS - np.interp(t, TIME, MOTION.acceleration))]
 
     def closing(t, y, _):
-        return y[1] - y[3] - gap
+        return y[1] - y[3] - 0.02
 
     closing.terminal = True
     contacts = []
-    t, y, is_closed, peaks = 0.0, np.zeros(8), False, np.zeros(5)
+    t, y, approach, peaks = 0.0, np.zeros(8), 0.0, np.zeros(5)
     while t < TIME[-1]:
-        closing.direction = -1.0 if is_closed else 1.0
+        closing.direction = -1.0 if approach else 1.0
         part = solve_ivp(
             *(rate, (t, TIME[-1]), y),
-            method="DOP853", args=(is_closed,), events=closing, dense_output=True,
+            method="DOP853", args=(approach,), events=closing, dense_output=True,
             rtol=1e-10, atol=1e-12, max_step=STEP / 2,
         )  # fmt: skip
         motion = part.sol(np.linspace(t, part.t[-1], 2000))
-        overlap = np.maximum(motion[1] - motion[3] - gap, 0.0)
-        found = np.abs([*motion[:4], stop * overlap]).max(axis=1)
-        if is_closed:
-            rates = motion[5] - motion[7]
-            force = np.abs(stop * (motion[1] - motion[3] - gap) + dashpot * rates).max()
-            duration, power = part.t[-1] - t, 0.5 * (rates[1:] ** 2 + rates[:-1] ** 2)
-            contacts.append((t, duration, force, dashpot * duration * np.mean(power)))
-        peaks, t, y, is_closed = np.maximum(peaks, found), part.t[-1], part.y[:, -1], not is_closed
+        spring, damper = contact(motion, approach or 1.0)
+        peaks = np.maximum(peaks, np.abs([*motion[:4], spring]).max(axis=1))
+        if approach:
+            duration, power = part.t[-1] - t, damper * (motion[5] - motion[7])
+            energy = duration * np.mean(0.5 * (power[1:] + power[:-1]))
+            contacts.append((t, duration, np.abs(spring + damper).max(), energy))
+        t, y = part.t[-1], part.y[:, -1]
+        approach = 0.0 if approach else y[5] - y[7]
     return peaks, contacts
 
 
+def kelvin(dashpot):
+    return BUILDINGS, lambda overlap: 3.0e7 * overlap, lambda spring, approach: dashpot
+
+
+def hertz(factor):
+    """Hertz, 30 000 kN/m^1.5, with zeta = `factor` stop_stiffness / approach velocity."""
+    return (
+        HERTZ,
+        lambda overlap: 3.0e7 * overlap**1.5,
+        lambda spring, approach: factor * spring / approach,
+    )
+
+
 @pytest.mark.parametrize(
-    ("law", "dashpot"),
+    ("law", "contact"),
     [
-        ("", 0.0),
-        (", dashpot: 500", 5e5),
+        ("", kelvin(0.0)),
+        (", dashpot: 500", kelvin(5e5)),
         # 2 xi sqrt(k m) with xi = -ln e / sqrt(pi^2 + ln^2 e), m = 75 x 55 / 130 t
-        (", restitution: 0.6", 2.0 * 0.160500 * np.sqrt(3.0e7 * 31.730769e3)),
+        (", restitution: 0.6", kelvin(2.0 * 0.160500 * np.sqrt(3.0e7 * 31.730769e3))),
+        ("", hertz(0.0)),
+        (", restitution: 0.5", hertz(0.5625)),  # 3 (1 - e^2) / 4
     ],
 )
-def test_contact_of_adjacent_buildings(law, dashpot):
-    model = load_model(io.StringIO(BUILDINGS.format(law=law)))
+def test_contact_of_adjacent_buildings(law, contact):
+    text, *forces = contact
+    model = load_model(io.StringIO(text.format(law=law)))
     response = tdint.run(model, MOTION, dt=STEP / 4, duration=TIME[-1], check=False)
     devices = response.devices.stories
     peaks = [*response.stories.peak_displacement, *devices.peak_displacement[:2]]
-    right, contacts = reference(dashpot)
+    right, contacts = reference(*forces)
     assert [*peaks, devices.peak_shear[-1]] == pytest.approx(right, rel=1e-4)
     found = response.contacts
     assert [item.closing for item in found] == list(range(1, len(contacts) + 1))
@@ -106,14 +129,62 @@ def test_contact_of_adjacent_buildings(law, dashpot):
     assert response.devices.dissipated_energy[-1] == pytest.approx(lost, rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("method", ["gauss4", "moment4", "newmark-average"])
-def test_methods_agree_on_pounding(method):
-    model = load_model(io.StringIO(BUILDINGS.format(law="")))
+@pytest.mark.parametrize(("text", "method"), [
+    *((BUILDINGS, method) for method in ("gauss4", "moment4", "newmark-average")),
+    *((HERTZ, method) for method in ("gauss4", "moment4", "newmark-average")),
+])  # fmt: skip
+def test_methods_agree_on_pounding(text, method):
+    model = load_model(io.StringIO(text.format(law="")))
     response = tdint.run(model, MOTION, method=method, dt=STEP / 10, duration=1.0, check=False)
     other = tdint.run(model, MOTION, dt=STEP / 10, duration=1.0, check=False)
     assert response.devices.stories.peak_drift == pytest.approx(
         other.devices.stories.peak_drift, rel=2e-3
     )
+
+
+FREE = """
+units: {length: cm, force: kN, mass: t}
+stories:
+  - {mass: 90, height: 300, stiffness: 1.0e-6}
+damping: none
+plausibility: off, test
+attachments:
+  - {name: east, floor: ground, mass: 60, stiffness: 1.0e-6}
+links:
+  - {name: joint, from: 1, to: east, law: {type: hertz, gap: 2, stop_stiffness: 400, sides: SIDE,
+     restitution: 0.6}}
+initial: {velocity: [SPEED]}
+"""
+"""Two free masses, one of which collides with the other at 1 m/s. 400 kN/cm^1.5 are 4e8 N/m^1.5."""
+
+
+@pytest.mark.parametrize(("side", "speed"), [("negative", 100), ("positive", -100)])
+def test_impact_of_hertz_damp(side, speed):
+    text = FREE.replace("SIDE", side).replace("SPEED", str(speed))
+    motion = Record(np.zeros(21), 0.01, "", "", "", "rest")
+    model = load_model(io.StringIO(text))
+    response = tdint.run(model, motion, dt=0.001, history=True, check=False)
+    history = response.history
+    velocity, other = history.velocity[-1, 0], history.devices.velocity[-1, 0]
+    assert 90.0 * velocity + 60.0 * other == pytest.approx(0.9 * speed, rel=1e-6)
+    # m d'' = -k d^1.5 (1 + z d' / v) with z = 3 (1 - e^2) / 4 has the ratio r of the velocities
+    # after and before the impact with ln((1 + z) / (1 - z r)) = z (1 + r): 0.756 for e = 0.6.
+    ratio = abs(other - velocity) / abs(speed / 100)
+    assert np.log(1.48 / (1.0 - 0.48 * ratio)) == pytest.approx(0.48 * (1.0 + ratio), rel=1e-6)
+    assert ratio == pytest.approx(0.7561487, rel=1e-5)
+    lost = 0.5 * 36e3 * (1.0 - ratio**2)  # of the reduced mass 90 x 60 / 150 t
+    assert response.devices.dissipated_energy[-1] == pytest.approx(lost, rel=1e-4)
+    (contact,) = response.contacts
+    assert contact.dissipated_energy == pytest.approx(lost, rel=1e-4)
+    assert contact.approach_velocity == pytest.approx(1.0, rel=1e-6)
+    assert abs(response.energy.error) < 1e-4
+
+
+def test_hertz_damp_requires_impulse4():
+    model = load_model(io.StringIO(HERTZ.format(law=", restitution: 0.5")))
+    message = "moment4 does not support `restitution` of the law hertz; use impulse4"
+    with pytest.raises(tdint.TdintError, match=message):
+        tdint.run(model, MOTION, method="moment4")
 
 
 def test_masses_on_the_ground_are_no_part_of_the_building():

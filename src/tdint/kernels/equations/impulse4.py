@@ -73,6 +73,7 @@ from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, follow_brace
 from tdint.kernels.stories.branches import find_sign_change, turns_at_reversal
+from tdint.kernels.stories.impact import HERTZ, damping_potential
 from tdint.kernels.stories.law_state import (
     restoring_force_on_branches,
     restoring_force_outlined,
@@ -122,6 +123,7 @@ class _Rows(NamedTuple):
     DASHPOT_MISMATCH: int = 1
     BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace`
     TANGENT_WORK: int = 1  # work of tangent damping in the step, J
+    DAMPING_SLOPE: int = 1  # `damping_slope` at the end of the step
     # Real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
     COMPLEX: int = 2
     # State and law states at the start of a step that is divided into substeps, for its repetition
@@ -538,7 +540,12 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
                 + coefficients[WEIGHT_C] * drift_c
                 + coefficients[WEIGHT_1] * drift
             )
-            _add_tangent_damping(linear_terms, i, h, (force, law_mean, tangent), increment, memory)
+            law = law_state[rows.FORCE, i], force, law_mean, tangent
+            if law_parameters[rows.CODE, i] == HERTZ:
+                law = _impact_potential(
+                    coefficients, law_parameters, law_state, i, (drift_c, drift), (force_c, force)
+                )
+            _add_tangent_damping(linear_terms, i, h, law, increment, memory)
         if FULL and linear_terms[rows.BRACE, i] != 0.0:
             dv_below = scratch[momentum.DV, base_of(linear_terms, i)]
             bend = h * (scratch[momentum.DV, i] - link * dv_below)
@@ -840,21 +847,40 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 
 
 @outlined
+def _impact_potential(coefficients, law_parameters, law_state, i, drifts, forces):
+    """Return the potential of the damping of a contact of Hertz at the start and at the end of the
+    step, its mean, and its derivative with respect to the drift at the end (N s/m). `drifts` (m)
+    and `forces` (N) are those at the inner point and at the end.
+    """
+    drift_c, drift = drifts
+    force_c, force = forces
+    potential_0 = damping_potential(
+        law_parameters, law_state, i, law_state[rows.FORCE, i], law_state[rows.DRIFT, i]
+    )
+    potential_c = damping_potential(law_parameters, law_state, i, force_c, drift_c)
+    potential_1 = damping_potential(law_parameters, law_state, i, force, drift)
+    mean = coefficients[WEIGHT_0] * potential_0 + coefficients[WEIGHT_C] * potential_c
+    mean += coefficients[WEIGHT_1] * potential_1
+    return potential_0, potential_1, mean, law_state[rows.INTERNAL, i] * abs(force)
+
+
+@outlined
 def _add_tangent_damping(linear_terms, i, h, law, increment, memory):
     """Add Rayleigh damping with the tangent stiffness to force and impulse of story `i`. `law` are
-    the force f1, the mean force and the tangent stiffness k1.
+    the forces f0 and f1, the mean force and the tangent stiffness k1; or of a contact of Hertz
+    these values of the potential of its damping.
 
     The force of the damping is a1 f' with the rate f' of the force of the law. Its impulse is a1
     (f1 - f0) for every law and every path, and its force at the end a1 k1 d'.
     """
-    state, law_state, scratch, _ = memory
-    force_1, mean, tangent = law
+    state, _, scratch, _ = memory
+    force_0, force_1, mean, tangent = law
     coefficient = linear_terms[rows.TANGENT_DAMPING, i]
     rate_0 = story_value(linear_terms, state, rows.VELOCITY, i)
     rate_1 = story_value(linear_terms, scratch, momentum.V1, i)
-    force_0 = law_state[rows.FORCE, i]
     damping_1 = coefficient * tangent * rate_1
     impulse = coefficient * (force_1 - force_0)
+    scratch[ROW.DAMPING_SLOPE, i] = tangent
     scratch[momentum.FORCE_1, i] += damping_1
     scratch[momentum.FORCE_S, i] += impulse
     # Work along a parabola of drift, with the first moment of the damping force by parts
@@ -947,7 +973,7 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         tangent_1 += linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
         if FULL:
-            damper += linear_terms[rows.TANGENT_DAMPING, i] * scratch[ROW.TANGENT_1, i]
+            damper += linear_terms[rows.TANGENT_DAMPING, i] * scratch[ROW.DAMPING_SLOPE, i]
         slope_c = coefficients[WEIGHT_C] * scratch[ROW.SLOPE_C, i]
         slope_1 = scratch[ROW.SLOPE_1, i]
         scratch[factors + _BLOCK.FACTORED_SLOPE, i] = slope_1

@@ -28,6 +28,7 @@ NAMES = (
     "multilinear",
     "ramberg-osgood",
     "steel",
+    "hertz",
 )
 """Names of the laws of tdint in the order of their numbers."""
 

@@ -6,6 +6,9 @@ f = k d + stop_stiffness (|d| - gap) sgn(d)    for |d| > gap
 The dashpot of a contact (Kelvin) adds the force c times the drift rate while |d| > gap. It is
 damping with the tangent stiffness (row TANGENT_DAMPING of the linear terms, with c over
 stop_stiffness), because the tangent stiffness is that of the stop in contact, and otherwise zero.
+
+The law `hertz` has the same functions with the force of a stop stop_stiffness (|d| - gap)^1.5
+(`tdint.kernels.laws.hertz`).
 """
 
 from __future__ import annotations
@@ -18,16 +21,17 @@ from tdint.kernels.laws.law import SIDES, DriftLaw, LawFunctions, LawParameter
 
 # Rows of `law_parameters` with the parameters of the law: gap (m), stiffness of the stops (N/m),
 # index in `SIDES`.
-_GAP = rows.FIRST_PARAMETER
+GAP = rows.FIRST_PARAMETER
 _STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
 _SIDES = rows.FIRST_PARAMETER + 2
 
 
-def _functions() -> LawFunctions:
-    """Return the compiled functions of the gap law.
+def contact_functions(is_hertz: bool = False) -> LawFunctions:
+    """Return the compiled functions of the gap law, or of the law `hertz`.
 
-    f = k d for |d| <= gap, and f = k d + stop_stiffness (|d| - gap) sgn(d) in contact with a stop:
-    force f, drift d, initial stiffness k.
+    f = k d for |d| <= gap, and f = k d + s sgn(d) in contact with a stop: force f, drift d, initial
+    stiffness k. The force s of the stop is stop_stiffness (|d| - gap), or for the law `hertz`
+    stop_stiffness (|d| - gap)^1.5.
     """
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import set_branch
@@ -37,51 +41,53 @@ def _functions() -> LawFunctions:
         """Return the gap of a side, m; infinite without a stop."""
         sides = law_parameters[_SIDES, i]
         has_stop = sides == 0.0 or (sides == 1.0) == (side > 0.0)
-        return law_parameters[_GAP, i] if has_stop else math.inf
+        return law_parameters[GAP, i] if has_stop else math.inf
+
+    @inline
+    def stop(law_parameters, i, penetration):
+        """Return force (N) and tangent stiffness (N/m) of a stop at a positive penetration, m."""
+        stiffness = law_parameters[_STOP_STIFFNESS, i]
+        if is_hertz:
+            secant = stiffness * math.sqrt(penetration)
+            return secant * penetration, 1.5 * secant
+        return stiffness * penetration, stiffness
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Compute the force f at the drift d; return the tangent stiffness, N/m.
-
-        f = k d for |d| <= gap, and f = k d + stop_stiffness (|d| - gap) sgn(d) in contact with a
-        stop.
-        """
+        """Compute the force f at the drift d; return the tangent stiffness, N/m."""
         force = law_parameters[rows.STIFFNESS, i] * drift
         tangent = law_parameters[rows.STIFFNESS, i]
         penetration = abs(drift) - gap_of(law_parameters, i, drift)
         if penetration > 0.0:
-            force += math.copysign(law_parameters[_STOP_STIFFNESS, i] * penetration, drift)
-            tangent += law_parameters[_STOP_STIFFNESS, i]
+            stop_force, stop_stiffness = stop(law_parameters, i, penetration)
+            force += math.copysign(stop_force, drift)
+            tangent += stop_stiffness
         law_state[trial + rows.FORCE, i] = force
+        if is_hertz:
+            law_state[trial + rows.INTERNAL, i] = law_state[previous + rows.INTERNAL, i]
         return tangent
 
     @inline
     def strain_energy(law_parameters, law_state, i):
         """Return the elastic energy of the committed state with the drift d, J.
 
-        It is k d^2 / 2 plus, in contact with a stop, stop_stiffness (|d| - gap)^2 / 2.
+        It is k d^2 / 2 plus, in contact with a stop, the work of its force: the force times |d| -
+        gap, over 2, or for the law `hertz` over 2.5.
         """
         d = law_state[rows.DRIFT, i]
         penetration = max(abs(d) - gap_of(law_parameters, i, d), 0.0)
-        return (
-            0.5 * law_parameters[rows.STIFFNESS, i] * d * d
-            + 0.5 * law_parameters[_STOP_STIFFNESS, i] * penetration * penetration
-        )
+        stop_force, _ = stop(law_parameters, i, penetration)
+        work = (0.4 if is_hertz else 0.5) * stop_force * penetration
+        return 0.5 * law_parameters[rows.STIFFNESS, i] * d * d + work
 
     @outlined
     def set_contact(law_parameters, law_state, i, block, side):
-        """Set force and branch of a law state within the gap or in contact with a stop.
-
-        With the drift d and the initial stiffness k, force and stiffness of the branch are
-
-            within the gap    k d                                      k
-            in contact        k d + stop_stiffness (d - side gap)      k + stop_stiffness
+        """Set force and branch of a law state within the gap (`side` 0) or in contact with the stop
+        of a side. In contact, the branch of the law `hertz` is curved.
         """
-        gap = law_parameters[_GAP, i]
+        gap = law_parameters[GAP, i]
         drift = law_state[block + rows.DRIFT, i]
-        stop_stiffness = abs(side) * law_parameters[_STOP_STIFFNESS, i]
         stiffness = law_parameters[rows.STIFFNESS, i]
-        law_state[block + rows.FORCE, i] = stiffness * drift + stop_stiffness * (drift - side * gap)
         # In contact, the branch is limited by the stop on one side only; within the gap, by both
         # stops. It is valid for both signs of the drift rate (0), because the law is elastic.
         lower, upper = -gap_of(law_parameters, i, -1.0), gap_of(law_parameters, i, 1.0)
@@ -89,7 +95,17 @@ def _functions() -> LawFunctions:
             lower, upper = gap, math.inf
         elif side < 0.0:
             lower, upper = -math.inf, -gap
-        set_branch(law_state, i, block, stiffness + stop_stiffness, lower, upper, 0.0)
+        if is_hertz:
+            stop_force, _ = stop(law_parameters, i, max(side * drift - gap, 0.0))
+            law_state[block + rows.FORCE, i] = stiffness * drift + side * stop_force
+            slope = stiffness if side == 0.0 else math.inf
+        else:
+            stop_stiffness = abs(side) * law_parameters[_STOP_STIFFNESS, i]
+            law_state[block + rows.FORCE, i] = stiffness * drift + stop_stiffness * (
+                drift - side * gap
+            )
+            slope = stiffness + stop_stiffness
+        set_branch(law_state, i, block, slope, lower, upper, 0.0)
 
     @inline
     def enter(law_parameters, law_state, i):
@@ -118,14 +134,15 @@ def _functions() -> LawFunctions:
     return LawFunctions(force=force, strain_energy=strain_energy, enter=enter, switch=switch)
 
 
-def _fault(stiffness: float, values: Sequence[float]) -> str | None:
-    """Return the message for a dashpot that cannot act in contact only."""
-    _, stop_stiffness, _, dashpot, restitution = values
+def contact_fault(stiffness: float, values: Sequence[float]) -> str | None:
+    """Return the message for a dashpot that cannot act in contact only; the law `hertz` has no
+    `dashpot`."""
+    dashpot, restitution = (0.0, *values[3:])[-2:]
     if dashpot == 0.0 and restitution == 1.0:
         return None
     if dashpot != 0.0 and restitution != 1.0:
         return "give either dashpot or restitution, not both"
-    if stiffness != 0.0 or stop_stiffness == 0.0:
+    if stiffness != 0.0 or values[1] == 0.0:
         return (
             "a dashpot or a restitution acts in contact only; use it in a link without `stiffness` "
             "and with a positive stop_stiffness"
@@ -152,7 +169,7 @@ LAW = DriftLaw(
     "gap",
     "f = k d, beyond the gap stop_stiffness (|d| - gap) more: elastic pounding against a stop on "
     "either side, or on one of the `sides`",
-    _functions,
+    contact_functions,
     parameters=(
         LawParameter("gap", length=1, low=0.0, low_allowed=False),
         LawParameter("stop_stiffness", force=1, length=-1, low=0.0),
@@ -160,7 +177,7 @@ LAW = DriftLaw(
         LawParameter("dashpot", force=1, length=-1, low=0.0, default=0.0),
         LawParameter("restitution", low=0.0, low_allowed=False, high=1.0, default=1.0),
     ),
-    fault=_fault,
+    fault=contact_fault,
     kinked=True,
     tangent_damping=_contact_damping,
     stops=lambda values: (

@@ -27,7 +27,8 @@ class LawParameter:
     ----------
     name : str
         Key in the model file.
-    force, length : int
+    force : int
+    length : float
         Exponents of the dimension. A stiffness has force 1 and length -1.
     low, high : float
         Bounds of the value, in SI units.
@@ -64,7 +65,7 @@ class LawParameter:
 
     name: str
     force: int = 0
-    length: int = 0
+    length: float = 0
     low: float = -math.inf
     high: float = math.inf
     low_allowed: bool = True
@@ -219,11 +220,14 @@ class DriftLaw:
         Names of parameters of other programs, each with the parameter that is meant, or a remedy.
     stops : callable
         Parameter values -> distances of the stops on the positive and on the negative side, m, 0
-        for none, and their stiffness, N/m.
+        for none, and their stiffness, N/m^stop_exponent.
+    stop_exponent : float
+        Exponent of the penetration in the force of a stop.
     tangent_damping : callable
         (parameter values, mass of two bodies in contact, kg) -> coefficient of damping with the
-        tangent stiffness that belongs to the law, s. Only the laws of attachments and links may
-        have it, because the elements of a story share one coefficient.
+        tangent stiffness that belongs to the law, s; of the law `hertz`, without unit. Only the
+        laws of attachments and links may have it, because the elements of a story share one
+        coefficient.
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
@@ -254,6 +258,7 @@ class DriftLaw:
     falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
     other_keys: tuple[tuple[str, str], ...] = ()
     stops: Callable[[Sequence[float]], tuple[float, float, float]] = lambda values: (0.0, 0.0, 0.0)
+    stop_exponent: float = 1.0
     tangent_damping: Callable[[Sequence[float], float], float] = lambda values, mass: 0.0
     failed: float = math.nan
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (

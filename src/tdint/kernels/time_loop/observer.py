@@ -60,6 +60,7 @@ from tdint.kernels.peaks_between_steps import (
 )
 from tdint.kernels.step_interpolant import acceleration_bulge
 from tdint.kernels.stepping import MEMORY, SCENE, SEEN, Ends, Located
+from tdint.kernels.stories.impact import damping_slope, start_impact
 from tdint.kernels.stories.law_state import (
     columns_of_story,
     has_fractured,
@@ -899,8 +900,10 @@ def initialize_laws(scene, memory):
         displacement_below = state[rows.DISPLACEMENT, i]
         if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base_of(linear_terms, i)]
-            stiffness = tangent_in_motion(law_parameters, law_state, i, rate)
-            state[rows.DAMPING_FORCE, i] = linear_terms[rows.TANGENT_DAMPING, i] * stiffness * rate
+            slope = tangent_in_motion(law_parameters, law_state, i, rate)
+            start_impact(law_parameters, law_state, i, rate)
+            slope = damping_slope(law_parameters, law_state, i, rows.COMMITTED, slope)
+            state[rows.DAMPING_FORCE, i] = linear_terms[rows.TANGENT_DAMPING, i] * slope * rate
             state[rows.DAMPING_STATE, i] = state[rows.DAMPING_FORCE, i]
     return 0
 

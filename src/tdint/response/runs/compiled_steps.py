@@ -149,6 +149,11 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
             f"one of {_methods(lambda other: other.tangent_damping)}, or omit `tangent` from the "
             "damping"
         )
+    if building.impact_damped and not integrator.family.impact_damping:
+        return (
+            f"{integrator.label} does not support `restitution` of the law hertz; use "
+            f"{_methods(lambda other: other.family.impact_damping)}"
+        )
     if building.braced and not integrator.method.braces:
         return (
             f"{integrator.label} does not support dampers with a brace; use one of "

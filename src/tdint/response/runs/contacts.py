@@ -73,13 +73,14 @@ def contacts_of(model: Model, history: History) -> tuple[LinkContact, ...]:
         zip(model.links, _stops(model), strict=True)
     ):
         displacement, velocity = _motion(history, link.ends)
-        dashpot = stiffness * damping[len(model.stories) + len(model.attachments) + number]
+        exponent = LAWS[link.spring.law.name].stop_exponent
+        damper = damping[len(model.stories) + len(model.attachments) + number]
         motion = history.time, link.sign * displacement, link.sign * velocity
         numbers = [
             numbers
             for gap, side in ((positive, 1.0), (negative, -1.0))
             if math.isfinite(gap) and gap
-            for numbers in _passages(motion, gap, side, (stiffness, dashpot))
+            for numbers in _passages(motion, gap, side, (stiffness, exponent, damper))
         ]
         found += [
             LinkContact(link.name, i, *values) for i, values in enumerate(sorted(numbers), start=1)
@@ -106,17 +107,19 @@ def _motion(history: History, ends: tuple[int, int]) -> tuple[Array, Array]:
 
 
 def _passages(
-    motion: tuple[Array, Array, Array], gap: float, side: float, stop: tuple[float, float]
+    motion: tuple[Array, Array, Array], gap: float, side: float, stop: tuple[float, float, float]
 ) -> list[tuple[float, ...]]:
     """Return the times, durations, rates, peak forces and energies of the contacts with a stop.
 
     `motion` is time, deformation in the direction of the law and its rate. The stop is at `gap`
-    times `side`; `stop` contains its stiffness (N/m) and its dashpot (N s/m).
+    times `side`; `stop` contains its stiffness, the exponent of its force, and its coefficient of
+    damping (`DriftLaw.tangent_damping`). With the exponent 1 the dashpot is constant, otherwise it
+    is proportional to the force over the approach velocity.
     """
     from scipy.interpolate import CubicHermiteSpline  # few models have contacts
 
     time, deformation, rate = motion
-    stiffness, dashpot = stop
+    stiffness, exponent, damper = stop
     overlap = CubicHermiteSpline(time, side * deformation - gap, side * rate)
     speed = overlap.derivative()
     crossings = overlap.roots(extrapolate=False)
@@ -126,9 +129,12 @@ def _passages(
         if overlap(0.5 * (start + end)) > 0.0:
             points = np.linspace(start, end, _POINTS + 1)
             rates = speed(points)
-            force = stiffness * overlap(points) + dashpot * rates
+            force = stiffness * np.maximum(overlap(points), 0.0) ** exponent
+            approach = abs(rates[0])
+            dashpot = damper * (stiffness if exponent == 1.0 else force / (approach or math.inf))
+            force = force + dashpot * rates
             power = dashpot * rates**2
             energy = (points[1] - points[0]) * (power.sum() - 0.5 * (power[0] + power[-1]))
-            numbers = start, end - start, abs(rates[0]), np.abs(force).max(), energy
+            numbers = start, end - start, approach, np.abs(force).max(), energy
             found.append(tuple(map(float, numbers)))
     return found
