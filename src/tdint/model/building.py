@@ -604,7 +604,9 @@ def assemble(model: Model, samples: tuple[int, ...] = ()) -> Building:
     if labels := [label for label, spring in model.springs if not is_linear(spring)]:
         raise ModelError(
             f"{model.name}: inertance is for linear models, but {labels[0]} has a law, elements or "
-            "a damper that is not linear; omit it or the inertance"
+            "a damper that is not linear; omit it or the inertance, or write an inerter between a "
+            "floor and the ground as mass of this floor with a force, its inertance times the "
+            "ground acceleration"
         )
     return _with_inerters(building, model)
 

@@ -8,6 +8,7 @@ import pytest
 import tdint
 from el_centro import el_centro
 from tdint.errors import AnalysisError, ModelError
+from tdint.ground_motion.record import Record
 
 UNITS = {"length": "m", "force": "N", "mass": "kg"}
 FRAME = {
@@ -170,6 +171,27 @@ def test_laws_with_inertance_are_refused(change, message):
     model["stories"][0] |= change
     with pytest.raises(ModelError, match=message):
         tdint.run(model, el_centro(duration=4.0), duration=4.0)
+
+
+def test_inerter_to_the_ground_is_a_mass_with_a_force():
+    """The equivalent model that the message names, which also nonlinear buildings can have."""
+    time = 0.01 * np.arange(101)
+    motion = Record(3.0 * np.sin(9.0 * time), 0.01, "", "", "", "motion")
+    story = {"mass": 9e4, "height": 3.0, "stiffness": 9e6, "dashpot": 8e4}
+    model = {"stories": [story, story], "damping": "none"}
+    inerter = {**model, "links": [{"from": "ground", "to": 2, "inertance": 3e4}]}
+    points = [[t, 3e4 * a] for t, a in zip(time.tolist(), motion.acceleration.tolist(), strict=True)]
+    mass = {
+        **model,
+        "stories": [story, {**story, "mass": 12e4}],
+        "excitation": {"forces": [{"floor": 2, "points": points}]},
+    }
+    runs = [
+        tdint.run(tdint.load_model(each), motion, method="impulse4", duration=1.0, check=False)
+        for each in (inerter, mass)
+    ]
+    first, second = (run.stories.peak_drift for run in runs)
+    assert first == pytest.approx(second, rel=1e-8)
 
 
 def test_other_methods_are_refused():
