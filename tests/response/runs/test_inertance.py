@@ -180,7 +180,9 @@ def test_inerter_to_the_ground_is_a_mass_with_a_force():
     story = {"mass": 9e4, "height": 3.0, "stiffness": 9e6, "dashpot": 8e4}
     model = {"stories": [story, story], "damping": "none"}
     inerter = {**model, "links": [{"from": "ground", "to": 2, "inertance": 3e4}]}
-    points = [[t, 3e4 * a] for t, a in zip(time.tolist(), motion.acceleration.tolist(), strict=True)]
+    points = [
+        [t, 3e4 * a] for t, a in zip(time.tolist(), motion.acceleration.tolist(), strict=True)
+    ]
     mass = {
         **model,
         "stories": [story, {**story, "mass": 12e4}],
