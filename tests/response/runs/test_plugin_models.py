@@ -1,6 +1,6 @@
 """Public models whose laws are plug-ins (tests/methods/recipes), against
-`scipy.integrate.solve_ivp`: Bouc-Wen with a gamma of its own, and asymmetric; a self-centering
-oscillator; contact of Hertz."""
+`scipy.integrate.solve_ivp`: Bouc-Wen with a gamma of its own, and asymmetric; and a self-centering
+oscillator."""
 
 from pathlib import Path
 
@@ -88,49 +88,3 @@ def test_self_centering_oscillator(interpreted):  # noqa: F811
     computed = result.history.displacement[: 4 * TIME.size : 4, 0][: TIME.size]
     np.testing.assert_allclose(computed, displacement, rtol=0.0, atol=3e-3 * peak)
     assert peak > 3.0 * strength / k
-
-
-def test_contact_of_hertz(interpreted):  # noqa: F811
-    """Two oscillators that collide: peaks and the force of the contact."""
-    tdint.load_plugin(RECIPES / "hertz.py")
-    mass, k, c = np.array([9e4, 6e4]), np.array([9e6, 2.4e7]), np.array([6e4, 8e4])
-    gap, coefficient = 0.01, 4e7
-    model = tdint.load_model(
-        {
-            "stories": [{"mass": mass[0], "stiffness": k[0], "dashpot": c[0]}],
-            "plausibility": "off, test",
-            "attachments": [
-                {
-                    "name": "east",
-                    "floor": "ground",
-                    "mass": mass[1],
-                    "stiffness": k[1],
-                    "dashpot": c[1],
-                }
-            ],
-            "links": [
-                {
-                    "name": "joint",
-                    "from": 1,
-                    "to": "east",
-                    "law": {"type": "hertz", "gap": gap, "coefficient": coefficient},
-                }
-            ],
-        }
-    )
-
-    def rate(t, y):
-        contact = coefficient * max(y[1] - y[0] - gap, 0.0) ** 1.5
-        force = k * y[:2] + c * y[2:] + contact * np.array([-1.0, 1.0])
-        return [*y[2:], *(-force / mass - np.interp(t, TIME, MOTION))]
-
-    solution = solve_ivp(rate, (0.0, 3.0), [0.0] * 4, rtol=1e-9, atol=1e-10, max_step=0.001)
-    depth = np.maximum(solution.y[1] - solution.y[0] - gap, 0.0)
-    result = tdint.run(model, RECORD, method="impulse4", dt=0.0025, check=False)
-    assert result.devices.stories.peak_shear[1] == pytest.approx(
-        coefficient * depth.max() ** 1.5, rel=1e-4
-    )
-    assert result.stories.peak_displacement[0] == pytest.approx(
-        np.abs(solution.y[0]).max(), rel=1e-4
-    )
-    assert depth.max() > 0.005
