@@ -21,7 +21,7 @@ from tdint.kernels.laws.law import SIDES, DriftLaw, LawFunctions, LawParameter
 
 # Rows of `law_parameters` with the parameters of the law: gap (m), stiffness of the stops (N/m),
 # index in `SIDES`.
-GAP = rows.FIRST_PARAMETER
+_GAP = rows.FIRST_PARAMETER
 _STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
 _SIDES = rows.FIRST_PARAMETER + 2
 
@@ -41,7 +41,7 @@ def contact_functions(is_hertz: bool = False) -> LawFunctions:
         """Return the gap of a side, m; infinite without a stop."""
         sides = law_parameters[_SIDES, i]
         has_stop = sides == 0.0 or (sides == 1.0) == (side > 0.0)
-        return law_parameters[GAP, i] if has_stop else math.inf
+        return law_parameters[_GAP, i] if has_stop else math.inf
 
     @inline
     def stop(law_parameters, i, penetration):
@@ -85,7 +85,7 @@ def contact_functions(is_hertz: bool = False) -> LawFunctions:
         """Set force and branch of a law state within the gap (`side` 0) or in contact with the stop
         of a side. In contact, the branch of the law `hertz` is curved.
         """
-        gap = law_parameters[GAP, i]
+        gap = law_parameters[_GAP, i]
         drift = law_state[block + rows.DRIFT, i]
         stiffness = law_parameters[rows.STIFFNESS, i]
         # In contact, the branch is limited by the stop on one side only; within the gap, by both

@@ -7,10 +7,13 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.laws import NAMES, gap
+from tdint.kernels.laws import NAMES
 
 HERTZ = float(NAMES.index("hertz"))
 """Number of the law in row CODE of `law_parameters`."""
+
+# First parameter of the law, m. A run must not import laws that its building does not have.
+_GAP = rows.FIRST_PARAMETER
 
 
 @outlined
@@ -35,5 +38,5 @@ def damping_slope(law_parameters, law_state, i, block, tangent):
 def damping_potential(law_parameters, law_state, i, force, drift):
     """Return the integral of `damping_slope` over the drift of a contact of Hertz, with the force
     (N) at the drift (m)."""
-    penetration = abs(drift) - law_parameters[gap.GAP, i]
+    penetration = abs(drift) - law_parameters[_GAP, i]
     return law_state[rows.INTERNAL, i] * 0.4 * math.copysign(force, drift) * penetration
