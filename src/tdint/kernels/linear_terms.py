@@ -340,13 +340,10 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     with the force at the endpoints. This moment tends to q1 - q0 as r tends to 0, not to the first
     moment that is used for r = 0. For a force that is linear in time, the two moments are equal.
     """
+    ground_0, ground_1 = load[rows.GROUND_0], load[rows.GROUND_1]
     for i in range(linear_terms.shape[1] - 1):
-        scratch[row, i] = (
-            -0.5 * linear_terms[rows.MASS, i] * (load[rows.GROUND_0] + load[rows.GROUND_1])
-        )
-        scratch[row + 1, i] = -linear_terms[rows.MASS, i] * (
-            load[rows.GROUND_1] - load[rows.GROUND_0]
-        )
+        scratch[row, i] = -0.5 * linear_terms[rows.MASS, i] * (ground_0 + ground_1)
+        scratch[row + 1, i] = -linear_terms[rows.MASS, i] * (ground_1 - ground_0)
     if forces.shape[0] > 0:
         _add_means(forces, load[rows.TIME], h, r, scratch, row)
 
@@ -534,12 +531,8 @@ def finite(state, n):
     """
     is_finite = True
     for i in range(n):
-        is_finite &= (
-            abs(state[rows.DISPLACEMENT, i])
-            + abs(state[rows.VELOCITY, i])
-            + abs(state[rows.ACCELERATION, i])
-            < 1e300
-        )
+        size = abs(state[rows.DISPLACEMENT, i]) + abs(state[rows.VELOCITY, i])
+        is_finite &= size + abs(state[rows.ACCELERATION, i]) < 1e300
     return is_finite
 
 

@@ -13,6 +13,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import F8, FULL, I8, indirect_caller, inline, kernel, outlined
 from tdint.kernels.linear_terms import above, base_of, force_value, internal_forces, is_tree
 from tdint.kernels.peaks_between_steps import (
+    ends_of_story,
     floor_ends,
     instant_before,
     observed_passage,
@@ -64,10 +65,8 @@ def _raise_peaks_before_fracture(scene, span, passage, law_state, i, located):
     """Raise the peaks by the response at the drifts where laws of story `i` have fractured in the
     step: its forces, and the accelerations they cause, are often largest just before.
     """
-    law_parameters, link = scene.law_parameters, scene.linear_terms[rows.LINK, i]
-    floor = floor_ends(span.fast, passage, i)
-    floor_below = floor_ends(span.fast, passage, base_of(scene.linear_terms, i))
-    story = story_ends(floor, floor_below, link, law_state[rows.DRIFT, i])
+    law_parameters = scene.law_parameters
+    story = ends_of_story(span.fast, scene.linear_terms, passage, law_state, i)
     for column in columns_of_story(law_parameters, i):
         limit = drift_of_fracture(law_parameters, law_state, column)
         if limit != 0.0:

@@ -309,9 +309,7 @@ def _raise_rate_peaks(span, linear_terms, passage, law_state, peaks, first_peak)
     row = first_peak + rows.PEAK_DRIFT_RATE
     for i in range(linear_terms.shape[1] - 1):
         if has_dashpot(linear_terms, i):
-            floor = floor_ends(span.fast, passage, i)
-            below = floor_ends(span.fast, passage, base_of(linear_terms, i))
-            story = story_ends(floor, below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
+            story = ends_of_story(span.fast, linear_terms, passage, law_state, i)
             if story.a0 * story.a1 < 0.0 and may_exceed_velocity_peak(
                 span.h, 1.0 / span.h, story, peaks[row, i]
             ):
@@ -534,6 +532,14 @@ def story_ends(floor, floor_below, link, drift):
     """
     u0, v0, a0, _, v1, a1, v_earlier, a_earlier = _sum_of_ends(1.0, floor, -link, floor_below)
     return Ends(u0, v0, a0, drift, v1, a1, v_earlier, a_earlier)
+
+
+@inline
+def ends_of_story(has_unresolved_modes, linear_terms, passage, law_state, i):
+    """Return the values of `story_ends` for story `i`."""
+    floor = floor_ends(has_unresolved_modes, passage, i)
+    floor_below = floor_ends(has_unresolved_modes, passage, base_of(linear_terms, i))
+    return story_ends(floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
 
 
 @inline

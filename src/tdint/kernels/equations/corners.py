@@ -442,11 +442,8 @@ def _integrate_accelerations(h, load, memory, i, count):
     a2 = _relative_acceleration(h, load, scratch, 0, i, n)
     for k in range(0, count - 2, 2):  # k: first corner, k + 1: midpoint, k + 2: second corner
         half_interval = scratch[ROW.NODE_FORCE + k + 1, n] - scratch[ROW.NODE_FORCE + k, n]
-        a0, a1, a2 = (
-            a2,
-            _relative_acceleration(h, load, scratch, k + 1, i, n),
-            _relative_acceleration(h, load, scratch, k + 2, i, n),
-        )
+        a0, a1 = a2, _relative_acceleration(h, load, scratch, k + 1, i, n)
+        a2 = _relative_acceleration(h, load, scratch, k + 2, i, n)
         scratch[ROW.NODE_DISPLACEMENT + k + 1, i] = (
             displacement
             + half_interval * rate

@@ -130,11 +130,8 @@ def _functions() -> LawFunctions:
         dissipated energy increases as in `accumulate_dissipation`.
         """
         if law_state[block + rows.RATE_SIGN, i] == 0.0:
-            elastic_force = (
-                law_parameters[_HARDENING, i]
-                * law_parameters[rows.STIFFNESS, i]
-                * law_state[block + rows.DRIFT, i]
-            )
+            slope = law_parameters[_HARDENING, i] * law_parameters[rows.STIFFNESS, i]
+            elastic_force = slope * law_state[block + rows.DRIFT, i]
             law_state[block + rows.INTERNAL, i] = law_state[block + rows.FORCE, i] - elastic_force
         elif law_parameters[_HARDENING, i] < 0.0:
             plastic_change = (1.0 - law_parameters[_HARDENING, i]) * step

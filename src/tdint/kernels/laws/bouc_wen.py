@@ -383,17 +383,12 @@ def _functions() -> LawFunctions:
                 # Drift change until w = 0 by Simpson's rule, as the integral of du / (1 + q u^n)
                 # from 0 to u. For u > 2 r it never fits into this substep, because 1 + q u^n is at
                 # most 2.
-                path = (
-                    u
-                    / 6.0
-                    * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
-                )
+                middle, end = 1.0 + q * power(0.5 * u, n), 1.0 + q * power(u, n)
+                path = u / 6.0 * (1.0 + 4.0 / middle + 1.0 / end)
                 if path <= r:
                     # The dissipation is the integral of q u^(n + 1) dx = u du - u du / (1 + q u^n).
                     # The second integrand is 0 at u = 0.
-                    dissipation += 0.5 * u * u - u * u / 6.0 * (
-                        2.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n))
-                    )
+                    dissipation += 0.5 * u * u - u * u / 6.0 * (2.0 / middle + 1.0 / end)
                     w = 0.0
                     remaining -= path
                     break

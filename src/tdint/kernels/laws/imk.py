@@ -257,10 +257,8 @@ def _functions() -> LawFunctions:
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         if drift < max_drift * (1.0 - _REACHED_TOLERANCE):
             # The force must change by `rise` (N) up to the point of maximum drift.
-            rise = (
-                law_state[block + side_row(side, rows.HIGH_FORCE), i]
-                - side * law_state[block + rows.FORCE, i]
-            )
+            max_force = law_state[block + side_row(side, rows.HIGH_FORCE), i]
+            rise = max_force - side * law_state[block + rows.FORCE, i]
             slope = rise / (max_drift - drift)
             set_loading_branch(
                 law_parameters, law_state, i, block, side, _TOWARDS_MAXIMUM, slope, max_drift
@@ -313,10 +311,9 @@ def _functions() -> LawFunctions:
             law_state[block + side_row(side, rows.HIGH_FORCE), i] = force
         stiffness_loss = deterioration_at_reversal(law_parameters, law_state, i, block)
         # A repetition of the last reversal causes no further deterioration.
-        if (
-            abs(side * drift - law_state[first + _REVERSAL_DRIFT, i])
-            <= _SAME_REVERSAL_TOLERANCE * law_state[block + side_row(side, rows.HIGH_DRIFT), i]
-        ):
+        distance = abs(side * drift - law_state[first + _REVERSAL_DRIFT, i])
+        max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+        if distance <= _SAME_REVERSAL_TOLERANCE * max_drift:
             stiffness_loss = 0.0
         law_state[first + _REVERSAL_DRIFT, i] = side * drift
         if stiffness_loss >= 1.0:
@@ -383,14 +380,9 @@ def _functions() -> LawFunctions:
             # This occurs if the stiffness of unloading from the other side is small. The point of
             # maximum drift is moved ahead of the zero crossing. The lower bound of the force avoids
             # a reloading line of zero length.
-            max_drift = (
-                zero_drift
-                + max(
-                    backbone(law_parameters, law_state, i, block, side, max_drift),
-                    _REACHED_TOLERANCE * law_parameters[_YIELD_FORCE, i],
-                )
-                / stiffness
-            )
+            force = backbone(law_parameters, law_state, i, block, side, max_drift)
+            force = max(force, _REACHED_TOLERANCE * law_parameters[_YIELD_FORCE, i])
+            max_drift = zero_drift + force / stiffness
             law_state[block + side_row(side, rows.HIGH_DRIFT), i] = max_drift
         max_force = backbone(law_parameters, law_state, i, block, side, max_drift)
         law_state[block + side_row(side, rows.HIGH_FORCE), i] = max_force
@@ -399,12 +391,9 @@ def _functions() -> LawFunctions:
             pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
                 max_drift - max_force / stiffness
             )
-            pinched_force = (
-                law_parameters[_PINCHING_FORCE, i]
-                * max_force
-                * (pinched_drift - zero_drift)
-                / (max_drift - zero_drift)
-            )
+            pinched_force = law_parameters[_PINCHING_FORCE, i] * max_force
+            pinched_force *= pinched_drift - zero_drift
+            pinched_force /= max_drift - zero_drift
             law_state[first + _PINCHED_DRIFT, i] = pinched_drift
             law_state[first + _PINCHED_FORCE, i] = pinched_force
             if zero_drift < pinched_drift - _REACHED_TOLERANCE * max_drift:

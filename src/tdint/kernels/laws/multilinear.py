@@ -350,11 +350,8 @@ def _functions() -> LawFunctions:
                 j += 1
         return stiffness
 
-    flag = flag_rule(
-        curve,
-        backbone_curve(return_drift, return_force, return_slope, _MAX_RETURN_POINTS),
-        elastic_stiffness,
-    )
+    lower_curve = backbone_curve(return_drift, return_force, return_slope, _MAX_RETURN_POINTS)
+    flag = flag_rule(curve, lower_curve, elastic_stiffness)
 
     # ---- Rule `elastic`
 
@@ -529,15 +526,11 @@ def _sides(values: Sequence[float]) -> dict[float, tuple[_Curve, _Curve]]:
     for side, part in ((1.0, 0), (-1.0, 1)):
         if values[_SIDES_ROW - rows.FIRST_PARAMETER] in (0.0, 1.0 + part):
             slope_row = _NEGATIVE_LAST_SLOPE if part else _LAST_SLOPE
+            upper = _points(values, _POINTS + part * _SIDE, _SIDE)
+            lower = _points(values, _RETURN_POINTS + part * _RETURN_SIDE, _RETURN_SIDE)
             result[side] = (
-                _Curve(
-                    _points(values, _POINTS + part * _SIDE, _SIDE),
-                    values[slope_row - rows.FIRST_PARAMETER],
-                ),
-                _Curve(
-                    _points(values, _RETURN_POINTS + part * _RETURN_SIDE, _RETURN_SIDE),
-                    values[_RETURN_SLOPE + part - rows.FIRST_PARAMETER],
-                ),
+                _Curve(upper, values[slope_row - rows.FIRST_PARAMETER]),
+                _Curve(lower, values[_RETURN_SLOPE + part - rows.FIRST_PARAMETER]),
             )
     return result
 

@@ -192,18 +192,13 @@ def _functions() -> LawFunctions:
         The stored maximum drifts are updated only at reversals. The current drift is therefore
         included if the story is on the backbone curve.
         """
-        side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
-        is_on_backbone = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
-        if is_on_backbone and side * law_state[block + rows.DRIFT, i] > point_drift(
-            law_parameters, i, side, 1
-        ):
-            return True
-        has_yielded_positive = law_state[block + rows.HIGH_DRIFT, i] > point_drift(
-            law_parameters, i, 1.0, 1
-        )
-        return has_yielded_positive or law_state[block + rows.LOW_DRIFT, i] > point_drift(
-            law_parameters, i, -1.0, 1
-        )
+        for side in (1.0, -1.0):
+            reached = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+            if law_state[block + rows.INTERNAL, i] == side * _ON_BACKBONE:
+                reached = max(reached, side * law_state[block + rows.DRIFT, i])
+            if reached > point_drift(law_parameters, i, side, 1):
+                return True
+        return False
 
     @outlined
     def degradation(law_parameters, law_state, i, block):
@@ -250,24 +245,14 @@ def _functions() -> LawFunctions:
         secant_ratio = 0.0
         for side in (1.0, -1.0):
             max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
-            secant_ratio = max(
-                secant_ratio,
-                backbone(law_parameters, i, side, max_drift)
-                / max_drift
-                / stiffness(law_parameters, i, side),
-            )
-        max_stiffness_loss = max(
-            0.0, 1.0 - secant_ratio * (1.0 - law_state[first + _STRENGTH_LOSS, i])
-        )
-        drift_ratio = (
-            max(law_state[block + rows.HIGH_DRIFT, i], law_state[block + rows.LOW_DRIFT, i])
-            / last_backbone_drift
-        )
+            secant = backbone(law_parameters, i, side, max_drift) / max_drift
+            secant_ratio = max(secant_ratio, secant / stiffness(law_parameters, i, side))
+        remaining = 1.0 - law_state[first + _STRENGTH_LOSS, i]
+        largest = max(law_state[block + rows.HIGH_DRIFT, i], law_state[block + rows.LOW_DRIFT, i])
+        drift_ratio = largest / last_backbone_drift
+        stiffness_loss = loss(law_parameters, i, _STIFFNESS_DEGRADATION, drift_ratio, used_capacity)
         return (
-            min(
-                loss(law_parameters, i, _STIFFNESS_DEGRADATION, drift_ratio, used_capacity),
-                max_stiffness_loss,
-            ),
+            min(stiffness_loss, max(0.0, 1.0 - secant_ratio * remaining)),
             loss(law_parameters, i, _DRIFT_DEGRADATION, drift_ratio, used_capacity),
             loss(law_parameters, i, _STRENGTH_DEGRADATION, drift_ratio, used_capacity),
         )
@@ -525,11 +510,10 @@ def _functions() -> LawFunctions:
             degrades(law_parameters, i)
             and abs(reached_drift / last_drift(law_parameters, i) - 1.0) <= _REACHED_TOLERANCE
         ):
-            constant_losses = degradation(law_parameters, law_state, i, block)
+            losses = degradation(law_parameters, law_state, i, block)
+            first = extra_rows(law_state, block) + _LAST_LOSSES
             for row in range(3):
-                law_state[extra_rows(law_state, block) + _LAST_LOSSES + row, i] = constant_losses[
-                    row
-                ]
+                law_state[first + row, i] = losses[row]
         if branch_type == _ON_PATH:
             continue_path(law_parameters, law_state, i, block, event)
         else:
@@ -641,14 +625,12 @@ def _functions() -> LawFunctions:
         maximum drift.
         """
         fraction = 1.0 if is_elastic_before_yielding(law_parameters, i) else REST
-        law_state[rows.HIGH_DRIFT, i] = point_drift(law_parameters, i, 1.0, 1)
-        law_state[rows.LOW_DRIFT, i] = point_drift(law_parameters, i, -1.0, 1)
-        law_state[rows.UPPER, i] = min(
-            fraction * point_drift(law_parameters, i, 1.0, 1), law_parameters[_ULTIMATE, i]
-        )
-        law_state[rows.LOWER, i] = -min(
-            fraction * point_drift(law_parameters, i, -1.0, 1), law_parameters[_ULTIMATE, i]
-        )
+        high, low = point_drift(law_parameters, i, 1.0, 1), point_drift(law_parameters, i, -1.0, 1)
+        ultimate = law_parameters[_ULTIMATE, i]
+        law_state[rows.HIGH_DRIFT, i] = high
+        law_state[rows.LOW_DRIFT, i] = low
+        law_state[rows.UPPER, i] = min(fraction * high, ultimate)
+        law_state[rows.LOWER, i] = -min(fraction * low, ultimate)
 
     return follow_branches(switch, strain_energy, enter)
 

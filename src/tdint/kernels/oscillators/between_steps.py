@@ -161,14 +161,8 @@ def largest_between(q, rates, d1, vibration, n, series):
     if d * d1 < 0.0:
         return abs(_value(q_series, n, _root(rate_series, n - 1, 0.0, 1.0, d * h, d1 * h))[0])
     # Case 3: q' has two zeros if its sign at the zero of q'' in between is opposite.
-    inflection = _root(
-        curvature_series,
-        n - 2,
-        0.0,
-        1.0,
-        curvature_series[0],
-        _value(curvature_series, n - 2, 1.0)[0],
-    )
+    start, end = curvature_series[0], _value(curvature_series, n - 2, 1.0)[0]
+    inflection = _root(curvature_series, n - 2, 0.0, 1.0, start, end)
     speed_at_inflection = _value(rate_series, n - 1, inflection)[0]
     if speed_at_inflection * d >= 0.0:
         return 0.0

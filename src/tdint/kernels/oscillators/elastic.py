@@ -167,21 +167,16 @@ def peaks(
             b10[i], b11[i] = oscillators[B10, group + i], oscillators[B11, group + i]
             a21[i], a22[i] = oscillators[A21, group + i], oscillators[A22, group + i]
             b20[i], b21[i] = oscillators[B20, group + i], oscillators[B21, group + i]
-            by_u[i], by_v[i] = (
-                oscillators[BY_DISPLACEMENT, group + i],
-                oscillators[BY_VELOCITY, group + i],
-            )
+            by_u[i] = oscillators[BY_DISPLACEMENT, group + i]
+            by_v[i] = oscillators[BY_VELOCITY, group + i]
             us[i] = vs[i] = 0.0
         # `size_u`, `size_v` and `size_a` are the maxima of |u|, |v| and |omega^2 u + 2 xi omega v|
         # until now.
         for c in range(intervals):
             for i in range(lanes):
                 starts[i, c, 0], starts[i, c, 1] = us[i], vs[i]
-                max_u[i], max_v[i], max_a[i] = (
-                    abs(us[i]),
-                    abs(vs[i]),
-                    abs(by_u[i] * us[i] + by_v[i] * vs[i]),
-                )
+                max_u[i], max_v[i] = abs(us[i]), abs(vs[i])
+                max_a[i] = abs(by_u[i] * us[i] + by_v[i] * vs[i])
             for s in range(c * INTERVAL_STEPS, (c + 1) * INTERVAL_STEPS, _BLOCK):
                 for i in range(lanes):
                     u, v, size_u, size_v, size_a = us[i], vs[i], max_u[i], max_v[i], max_a[i]

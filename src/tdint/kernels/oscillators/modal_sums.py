@@ -138,6 +138,7 @@ def _superpose(q, shapes, static, motion, drift):
     columns = shapes.shape[1]
     for row in range(0, q.shape[0], 4):
         d0, d1, d2, d3 = drift[row], drift[row + 1], drift[row + 2], drift[row + 3]
+        q0, q1, q2, q3 = q[row], q[row + 1], q[row + 2], q[row + 3]
         for c in range(columns):
             d0[c] = -static[c] * motion[row]
             d1[c] = -static[c] * motion[row + 1]
@@ -146,25 +147,10 @@ def _superpose(q, shapes, static, motion, drift):
         # qab is the coordinate of mode j + b at step row + a.
         for j in range(0, shapes.shape[0], 4):
             w0, w1, w2, w3 = shapes[j], shapes[j + 1], shapes[j + 2], shapes[j + 3]
-            q00, q01, q02, q03 = q[row, j], q[row, j + 1], q[row, j + 2], q[row, j + 3]
-            q10, q11, q12, q13 = (
-                q[row + 1, j],
-                q[row + 1, j + 1],
-                q[row + 1, j + 2],
-                q[row + 1, j + 3],
-            )
-            q20, q21, q22, q23 = (
-                q[row + 2, j],
-                q[row + 2, j + 1],
-                q[row + 2, j + 2],
-                q[row + 2, j + 3],
-            )
-            q30, q31, q32, q33 = (
-                q[row + 3, j],
-                q[row + 3, j + 1],
-                q[row + 3, j + 2],
-                q[row + 3, j + 3],
-            )
+            q00, q01, q02, q03 = q0[j], q0[j + 1], q0[j + 2], q0[j + 3]
+            q10, q11, q12, q13 = q1[j], q1[j + 1], q1[j + 2], q1[j + 3]
+            q20, q21, q22, q23 = q2[j], q2[j + 1], q2[j + 2], q2[j + 3]
+            q30, q31, q32, q33 = q3[j], q3[j + 1], q3[j + 2], q3[j + 3]
             for c in range(columns):
                 s0, s1, s2, s3 = w0[c], w1[c], w2[c], w3[c]
                 d0[c] += q00 * s0 + q01 * s1 + q02 * s2 + q03 * s3

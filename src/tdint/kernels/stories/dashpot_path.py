@@ -95,19 +95,9 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
     for point in range(_POINTS_IN_CUBE_ROOT):
         x = cube_root + (1.0 - cube_root) * path.NODES[_POINTS_IN_CUBE_ROOT, point]
         s = slow + (fast - slow) * (x * x * x - cube_root * cube_root * cube_root) / cube_range
-        _add_point(
-            linear_terms,
-            i,
-            dashpot_path,
-            s,
-            length
-            * 3.0
-            * x
-            * x
-            / cube_range
-            * (1.0 - cube_root)
-            * path.WEIGHTS[_POINTS_IN_CUBE_ROOT, point],
-        )
+        weight = length * 3.0 * x * x / cube_range * (1.0 - cube_root)
+        weight *= path.WEIGHTS[_POINTS_IN_CUBE_ROOT, point]
+        _add_point(linear_terms, i, dashpot_path, s, weight)
 
 
 @inline

@@ -510,12 +510,9 @@ def _add_after_reversal(results, i, reversal_time, shift):
         scratch[out + row, i] += scratch[out + _AFTER_REVERSAL + row, i]
     if shift != 0.0:
         # Derivatives with respect to the drift at the reversal, N/m
-        mean_by_drift = (
-            scratch[out + _SHIFTED + MEAN, i] - scratch[out + _AFTER_REVERSAL + MEAN, i]
-        ) / shift
-        moment_by_drift = (
-            scratch[out + _SHIFTED + MOMENT, i] - scratch[out + _AFTER_REVERSAL + MOMENT, i]
-        ) / shift
+        after, shifted = out + _AFTER_REVERSAL, out + _SHIFTED
+        mean_by_drift = (scratch[shifted + MEAN, i] - scratch[after + MEAN, i]) / shift
+        moment_by_drift = (scratch[shifted + MOMENT, i] - scratch[after + MOMENT, i]) / shift
         by_bend = 0.5 * (reversal_time * reversal_time - reversal_time)
         scratch[out + MEAN_BY_RISE, i] += mean_by_drift * reversal_time
         scratch[out + MEAN_BY_BEND, i] += mean_by_drift * by_bend

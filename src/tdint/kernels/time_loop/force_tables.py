@@ -434,16 +434,10 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
         totals[rows.RATE_INPUT] += jump * (observer_state[rows.START_FORCE, i] - mass * ground)
         totals[rows.TOTAL_INERTIA] += mass * jump
         # Row MODAL_FORCE contains C v of modal damping. Half of the rate of v^T C v is (C v)^T a.
-        totals[rows.RATE_VISCOUS] += (
-            2.0
-            * jump
-            * (observer_state[rows.VISCOUS_FACTOR, i] + observer_state[rows.MODAL_FORCE, i])
-        )
-        change = (
-            2.0
-            * observer_state[rows.DASHPOT_FACTOR, i]
-            * (jump - linear_terms[rows.LINK, i] * below)
-        )
+        factor = observer_state[rows.VISCOUS_FACTOR, i] + observer_state[rows.MODAL_FORCE, i]
+        totals[rows.RATE_VISCOUS] += 2.0 * jump * factor
+        drift_jump = jump - linear_terms[rows.LINK, i] * below
+        change = 2.0 * observer_state[rows.DASHPOT_FACTOR, i] * drift_jump
         totals[rows.RATE_DASHPOTS] += change
         if FULL and is_tree(linear_terms):
             observer_state[rows.DASHPOT_RATE, i] += change
@@ -451,10 +445,8 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
     for j in range(forces.shape[0]):
         if forces[j, rows.POINTS] > 0.0:
             break
-        totals[rows.RATE_INPUT] += (
-            force_value(forces, j, load[rows.TIME])
-            * observer_state[rows.ACCELERATION_JUMP, int(forces[j, rows.FLOOR])]
-        )
+        jump = observer_state[rows.ACCELERATION_JUMP, int(forces[j, rows.FLOOR])]
+        totals[rows.RATE_INPUT] += force_value(forces, j, load[rows.TIME]) * jump
 
 
 @outlined

@@ -43,8 +43,8 @@ from tdint.kernels.linear_terms import (
 from tdint.kernels.located_peaks import call_update_located_peaks
 from tdint.kernels.peaks_between_steps import (
     element_force,
+    ends_of_story,
     find_interstep_peaks,
-    floor_ends,
     instant_before,
     is_near_rest,
     limit_stiffness,
@@ -54,7 +54,6 @@ from tdint.kernels.peaks_between_steps import (
     may_exceed_velocity_peak,
     observed_passage,
     raise_peak,
-    story_ends,
     story_reach,
     velocity_reach,
 )
@@ -172,16 +171,9 @@ def observe(scene, span, slope, memory, seen):
         story_force = (
             shear + linear_terms[rows.GEOMETRIC, i] * drift + story_damping + dashpot_force
         )
-        a = (
-            linear_terms[rows.INVERSE_MASS, i]
-            * (
-                observer_state[rows.FLOOR_FORCE, i]
-                - floor_damping
-                - story_force
-                + story_force_above
-            )
-            - ground
-        )
+        floor_force = observer_state[rows.FLOOR_FORCE, i] - floor_damping
+        floor_force = floor_force - story_force + story_force_above
+        a = linear_terms[rows.INVERSE_MASS, i] * floor_force - ground
         if FULL and upper_of(linear_terms, i) != i:
             a = 0.0  # the floor at the end of the link accelerates, not its column
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
@@ -327,10 +319,7 @@ def _record_fractures(scene, span, memory, seen):
 def _story_ends(linear_terms, memory, observer_state, i):
     """Return the motion of story `i` at both endpoints of the step."""
     passage = observed_passage(memory.state, observer_state)
-    floor = floor_ends(False, passage, i)
-    floor_below = floor_ends(False, passage, base_of(linear_terms, i))
-    drift = memory.law_state[rows.DRIFT, i]
-    return story_ends(floor, floor_below, linear_terms[rows.LINK, i], drift)
+    return ends_of_story(False, linear_terms, passage, memory.law_state, i)
 
 
 @outlined
