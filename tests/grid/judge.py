@@ -178,10 +178,12 @@ def above_strength(case, response):
     """Return story and relative excess of reported forces of stories and elements that the laws do
     not reach at drifts up to the reported peak drift.
 
-    If the time step does not resolve the motion, the drift at an inner point of the step is not a
-    peak drift, but it is within the possible excess that the run states.
+    If the time step does not resolve the motion, the drift at an inner point of the step, to which
+    the law has followed it, is not a peak drift, but it is within the possible excess and the error
+    estimate that the run states.
     """
     drifts = response.stories.peak_drift + response.interstep_bound.peak_drift
+    drifts = drifts + np.nan_to_num(response.check.errors.peak_drift)
     largest = largest_forces(case, drifts)
     forces = [
         *zip(range(len(largest)), response.stories.peak_shear, map(sum, largest), strict=True)

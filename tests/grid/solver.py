@@ -189,7 +189,7 @@ class Chain:
                 tangents[i] += self.tangent[i] * spring.tangent(drifts[i], *own)
         dampers = [dashpot.force(rate) for dashpot, rate in zip(self.dashpots, rates, strict=True)]
         for i, variable in self.braces.items():
-            dampers[i] = values[variable]
+            dampers[i] = self.dashpots[i].limited(values[variable])
             change[variable] = self.dashpots[i].force_rate(rates[i], values[variable])
         forces = self.loads(t)
         if self.is_damped:
@@ -272,6 +272,13 @@ class Dashpot:
         if not square:
             return 0.0
         return self.coefficient * rate * square ** (0.5 * (self.exponent - 1.0))
+
+    def limited(self, force):
+        """Return the force of damper and brace from its variable, N. A step in which a valve with
+        the ratio 0 opens ends above the relief force."""
+        if self.relief and not self.relief["ratio"]:
+            return math.copysign(min(abs(force), self.relief["force"]), force)
+        return force
 
     def force_rate(self, drift_rate, force):
         """Return the rate of the force of damper and brace, N/s."""
