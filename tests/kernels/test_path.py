@@ -40,10 +40,13 @@ LAWS = {law.name: law for law in COMPILED}
 DY = FY / K
 PATHS = 60
 TOLERANCE = {"tanh": 1e-9, "bouc-wen": 1e-6, "steel": 1e-6} | {
-    law.name: 1e-6 for law in COMPILED if law.curved and law.functions().points is None
+    law.name: 5e-5 if law.name == "hertz" else 1e-6
+    for law in COMPILED
+    if law.curved and law.functions().points is None
 }
 """Of the work, over Fy times the way, where the law is integrated by points (those that do not say
-how many, by sixteen); the others are integrated exactly."""
+how many, by sixteen; of hertz over a closing, where the force grows with the power 1.5); the others
+are integrated exactly."""
 
 INTEGRALS = {"tanh": 1e-6, "bouc-wen": 1e-4}
 """Of the integrals, over the forces; else the error of Simpson's rule across kinks."""
@@ -192,7 +195,7 @@ def test_path_on_one_branch_is_integrated_in_closed_form(journey):
             walked = results(law_parameters, state.copy(), rise, bend)
             scale = K * (abs(rise) + abs(bend)) + abs(state[rows.FORCE, 0]) + K
             assert out[:6, 0] == pytest.approx(walked, abs=1e-11 * scale)
-    assert (kept > 0) == (not LAWS[name].curved)
+    assert (kept > 0) == (name == "hertz" or not LAWS[name].curved)  # linear within its gap
     assert (kept == PATHS) == (name == "linear")
 
 

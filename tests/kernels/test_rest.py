@@ -101,6 +101,7 @@ LAW_CASES = [
         for curve in (CURVE, STEEPER, SLACK)
     ),
     ("ramberg-osgood", {"yield_force": FY, "alpha": 0.6, "exponent": 5.0}),
+    ("hertz", {"gap": DY, "stop_stiffness": FY / DY**1.5}),
     ("steel", YIELD),
     ("steel", {**YIELD, **ISOTROPIC}),
     ("steel", {**YIELD, "isotropic": {**ISOTROPIC["isotropic"], "a3": 0.0}}),
