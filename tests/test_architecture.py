@@ -349,6 +349,10 @@ NAMED_ELSEWHERE = {
         ),
         "src/tdint/model/story_laws.py": "linear",
     },
+    "law whose force is a factor of the tangent damping of its story": {
+        "src/tdint/kernels/stories/impact.py": "hertz",
+        "src/tdint/model/building.py": "hertz",
+    },
     "options that `test_choices_of_options_are_names_of_the_library` compares": {
         "cli/tdint_cli/commands/init.py": "bilinear multilinear",
         "cli/tdint_cli/assessment/order.py": "linear polynomial",
