@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 from math import isclose, isfinite, nan
 from typing import Any, NamedTuple, get_args
 
@@ -265,6 +266,41 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
             f"{key} must be a number with its unit, such as {example}, got {text[:40]!r}".lstrip()
         )
     return units.scale
+
+
+def compound_units(force: int, length: int, time: int = 0) -> dict[str, float]:
+    """Return the units of force^`force` length^`length` s^`time`, such as kN/cm or kN*s/m, with
+    their factors to SI units; empty for a number without a unit."""
+    found: dict[str, float] = {}
+    for (f, force_factor), (u, length_factor) in product(FORCE.items(), LENGTH.items()):
+        powers = {f: force, u: length, "s": time}
+        above, below = (
+            [unit if p == 1 else f"{unit}^{p}" for unit, n in powers.items() if (p := sign * n) > 0]
+            for sign in (1, -1)
+        )
+        if above or below:
+            text = "/".join(["*".join(above) or "1", *below])
+            found[text] = force_factor**force * length_factor**length
+    return found
+
+
+def parse_in_units(text: str, units: Mapping[str, float], key: str) -> float:
+    """Return the value in SI units of a number with one of the given units, such as `500 kN/cm`.
+
+    Raises
+    ------
+    UsageError
+        The text is not a number with such a unit. `key` is the name of the parameter.
+    """
+    number = _NUMBER.match(text.strip())
+    unit = "".join(text.strip()[number.end() :].split()) if number else ""
+    if number is None or unit not in units:
+        listed = ", ".join([*units][:12])
+        raise UsageError(
+            f"{key} must be a number in SI units, or a text of a number with a unit ({listed}, "
+            f"...), got {text[:40]!r}"
+        )
+    return float(number[0]) * units[unit]
 
 
 # ---- Unit, meaning and source of each value of a result, declared with the field of its dataclass

@@ -309,3 +309,73 @@ def test_interrupt_gives_completed_runs():
         tdint.run_many(building, RECORD, scales=scales, progress=interrupt)
     with pytest.raises(UsageError, match="progress"):
         tdint.run_many(building, RECORD, progress="yes")
+
+
+DEVICES = tdint.load_model(
+    {
+        "units": {"force": "kN", "length": "cm", "mass": "t"},
+        "stories": [
+            {
+                "repeat": 2,
+                "mass": 100,
+                "height": 300,
+                "dashpot": 2,
+                "stiffness": 400,
+                "law": {"type": "bilinear", "yield_force": 400, "hardening": 0.05},
+            }
+        ],
+        "damping": "3%",
+        "attachments": [{"name": "tmd", "floor": "roof", "mass": 6, "stiffness": 4}],
+    }
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "number"),
+    [
+        ("stories[1].stiffness", "500 kN/cm", 5e7),
+        ("stories.mass", "120 t", 1.2e5),
+        ("stories.mass", "0.5 kip*s^2/in", 0.5 * 1e3 * 0.45359237 * 9.80665 / 0.0254),
+        ("stories[2].height", "10 ft", 3.048),
+        ("stories[2].dashpot", "3 kN*s/cm", 3e5),
+        ("stories.law.yield_force", "500kN", 5e5),
+        ("stories.law.hardening", "2%", 0.02),
+        ("attachments[tmd].stiffness", "5 kN / cm", 5e5),
+        ("mass_factor", "110%", 1.1),
+        ("damping", "2%", 0.02),
+    ],
+)
+def test_texts_state_the_unit_of_a_value(name, text, number):
+    assert DEVICES.si_value(name, text) == pytest.approx(number, rel=1e-14)
+    assert DEVICES.si_value(name, number) == number
+    assert DEVICES.replace(**{name: text}).varied_parameters == (
+        (name, DEVICES.si_value(name, text)),
+    )
+
+
+def test_texts_and_numbers_are_the_same_samples():
+    names = {"stories[1].stiffness": ["450 kN/cm", 5e7], "damping": "2%"}
+    texts = tdint.run_many(DEVICES, RECORD, vary=names)
+    numbers = tdint.run_many(
+        DEVICES, RECORD, vary={"stories[1].stiffness": [4.5e7, 5e7], "damping": 0.02}
+    )
+    assert texts.varied["damping"].tolist() == [0.02, 0.02]
+    np.testing.assert_array_equal(texts.stories.peak_drift, numbers.stories.peak_drift)
+    assert texts.stories.peak_drift[0, 0] != texts.stories.peak_drift[1, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("stories[1].stiffness", "500 kN", "number in SI units, or a text of a number with a unit"),
+        ("stories.mass", "120 kN", "kg, t, lb"),
+        ("stories.law.hardening", "2 kN", "neither a ratio"),
+        ("stories[1].stiffness", "", "got ''"),
+        ("stories[7].stiffness", "5 kN/m", "story not found"),
+    ],
+)
+def test_other_units_are_refused(name, text, message):
+    with pytest.raises(UsageError, match=message):
+        DEVICES.replace(**{name: text})
+    with pytest.raises(UsageError, match=message):
+        tdint.run_many(DEVICES, RECORD, vary={name: [text]})

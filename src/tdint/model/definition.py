@@ -22,7 +22,7 @@ from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.model.story import Path, Story, spring_label, story_with_numbers
 from tdint.model.story_laws import LAWS, of_samples
 from tdint.number_parsing import parse_ratio, pluralize
-from tdint.units import SI, OutputUnits
+from tdint.units import SI, OutputUnits, parse_in_units
 
 if TYPE_CHECKING:
     import numpy as np
@@ -647,7 +647,8 @@ class Model:
         Parameters
         ----------
         **changes : float or str
-            Values by name; a text such as `2%` is a ratio.
+            Values by name: a number in SI units, also if the model file has other units, or a text
+            with a unit, such as `500 kN/cm` for a stiffness or `2%` for a ratio.
 
         Returns
         -------
@@ -659,14 +660,33 @@ class Model:
         UsageError
             A name is unknown, a value is out of range, or no story has the parameter.
         """
-        numbers = {}
-        for name, value in changes.items():
-            check_parameter(name)
-            try:
-                numbers[name] = parse_ratio(value) if isinstance(value, str) else float(value)
-            except (TypeError, ValueError, OverflowError):
-                raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
-        return self.changed(numbers)
+        return self.changed({name: self.si_value(name, value) for name, value in changes.items()})
+
+    def si_value(self, name: str, value: float | str) -> float:
+        """Return the value of a parameter, as for `replace`, in SI units.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        value : float or str
+            Number in SI units, or text with a unit.
+
+        Raises
+        ------
+        UsageError
+            The name is unknown, or the value is not a number or has a wrong unit.
+        """
+        check_parameter(name)
+        try:
+            if not isinstance(value, str):
+                return float(value)
+            springs = [spring for _, spring in self.springs]
+            changes = changes_of(self.name, self.springs, name)
+            units = changes[0].units(springs) if changes else {}
+            return parse_in_units(value, units, name) if units else parse_ratio(value)
+        except (TypeError, ValueError, OverflowError):
+            raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
 
     def changed(self, numbers: Mapping[str, Any]) -> Model:
         """Return the building with changed parameters, like `replace` for numbers only.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from tdint.kernels.laws.law import LawParameter
 from tdint.model.story import Path, Story
 from tdint.model.story_laws import LAWS, Law, named_parameters
 from tdint.number_parsing import pluralize
+from tdint.units import FORCE, LENGTH, MASS, VELOCITY, compound_units
 
 _POWER_DASHPOT: dict[str, Path] = {
     f"dashpot.{key}": ("power_dashpot", *key.split("."))
@@ -41,6 +42,18 @@ _ELEMENT_PARAMETER = r"elements\[[^\]]+\]\.\w"
 
 _ELEMENT_NUMBER = r"elements\[\d+\]"
 """Pattern of the start of the key of a parameter of an element that is given by its number."""
+
+
+_UNITS: dict[str, Mapping[str, float]] = {
+    "mass": MASS,
+    "height": LENGTH,
+    "stiffness": compound_units(1, -1),
+    "brace": compound_units(1, -1),
+    "dashpot": compound_units(1, -1, 1),
+    "linear_below": VELOCITY,
+    "force": FORCE,
+}
+"""Units of the numbers of a story by the names of their attributes."""
 
 
 class Change(NamedTuple):
@@ -91,6 +104,16 @@ class Change(NamedTuple):
         if not self.factor:
             set_by_name.add((self.story, self.path))
         return False
+
+    def units(self, springs: Sequence[Story]) -> Mapping[str, float]:
+        """Return the units of the value with their factors to SI units; empty for a factor or a
+        ratio."""
+        last = self.path[-1]
+        if self.factor or isinstance(last, str):
+            return {} if self.factor else _UNITS.get(str(last), {})
+        spring = springs[self.story].springs[int(self.path[1]) if self.path[0] == "elements" else 0]
+        _, force, length, _ = named_parameters(spring.law)[last]
+        return compound_units(force, length)
 
     @property
     def sets_law_parameter(self) -> bool:

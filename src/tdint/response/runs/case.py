@@ -296,7 +296,8 @@ class Case(Described):
         ):
             raise UsageError(
                 f"{self.model.name}: the ground motion is missing; add a record (RECORD on the "
-                "command line, or `excitation: {record: FILE}` in the model file)"
+                "command line, the argument record in Python, or `excitation: {record: FILE}` in "
+                "the model file)"
             )
         note, tables = "", self.model.excitation.tables
         if dt is None and record is None and tables:

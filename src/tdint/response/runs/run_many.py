@@ -65,7 +65,7 @@ class _Options(TypedDict, total=False):
     out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None
     jobs: int | None
     check: bool
-    vary: Mapping[str, Numbers | float] | None
+    vary: Mapping[str, Numbers | float | str | Sequence[str]] | None
     product: bool
     progress: bool | Progress
     partial: bool
@@ -120,7 +120,7 @@ def run_many(
     out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
     jobs: int | None = None,
     check: bool = False,
-    vary: Mapping[str, Numbers | float] | None = None,
+    vary: Mapping[str, Numbers | float | str | Sequence[str]] | None = None,
     product: bool = False,
     progress: bool | Progress = False,
     partial: bool = False,
@@ -175,14 +175,15 @@ def run_many(
         run (of `exact` if the method is `exact` and no forces act on floors), with half the time
         step, or with the sampling interval if a step covers at least five intervals.
     vary : mapping of str to array, optional
-        Parameters of the buildings to change, in SI units, with a single value per sample; all
-        arrays have the same length. Names: `damping`, `mass_factor`, `stiffness_factor`,
-        `strength_factor`; for story 3 (counted from 1; without a number, for all stories)
-        `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`,
-        `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the
-        three factors; the same keys of an attachment or a link by its name, `attachments[tmd].mass`
-        or `links[damper].dashpot`; and `record.scale`, a factor on the scales. `Runs.varied`
-        contains the values of each run.
+        Parameters of the buildings to change, with a single value per sample; all arrays have the
+        same length. Numbers are in SI units, also if the model file has other units; texts have a
+        unit, such as `500 kN/cm` for a stiffness or `2%` for a ratio. Names: `damping`,
+        `mass_factor`, `stiffness_factor`, `strength_factor`; for story 3 (counted from 1; without a
+        number, for all stories) `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or
+        `.dashpot.coefficient`, `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key
+        of its law, and the three factors; the same keys of an attachment or a link by its name,
+        `attachments[tmd].mass` or `links[damper].dashpot`; and `record.scale`, a factor on the
+        scales. `Runs.varied` contains the values of each run.
     product : bool, default False
         Use all combinations of the values of `vary`, with the last name varying fastest, instead of
         samples.
@@ -276,8 +277,10 @@ def _requested(
     method, dt, duration, check = analysis
     vary, product, errors = samples
     history, every, out = kept
-    parameters = samples_of(vary, product)
     buildings = [model_of(model) for model in as_sequence(models, "models")]
+    parameters = samples_of(
+        {name: _without_units(buildings[0], name, values) for name, values in vary.items()}, product
+    )
     motions = _motions(buildings, records)
     if any(isinstance(record, JoinedRecord) for record in motions):
         raise UsageError("run_many does not support sequences: use run_sequence")
@@ -315,6 +318,15 @@ def _requested(
             result.failures[run.number] = invalid[run.model, run.draw]
     plan = [run for run in plan if (run.model, run.draw) not in invalid]
     return request, plan, result, threads, file
+
+
+def _without_units(model: Model, name: str, values: Any) -> Any:
+    """Return the values of a parameter with numbers in SI units instead of texts."""
+    if isinstance(values, str):
+        return model.si_value(name, values)
+    if isinstance(values, (list, tuple)) and any(isinstance(value, str) for value in values):
+        return [model.si_value(name, value) for value in values]
+    return values
 
 
 def _motions(models: Sequence[Model], records: Any) -> tuple[Record, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, TypedDict, Unpack, overload
 
 from tdint.errors import UsageError
 from tdint.ground_motion.joined import at_one_interval, join_records, rest_intervals
@@ -24,7 +25,7 @@ from tdint.response.runs.error_estimate import (
     start_peaks,
     story_errors,
 )
-from tdint.response.runs.outcome import EventResponse, Response
+from tdint.response.runs.outcome import EventResponse, Response, ResponseWithHistory
 from tdint.response.runs.run import run_case
 from tdint.response.time_steps import Steps
 
@@ -110,6 +111,28 @@ def sequence_of(
         # Each event starts at the start of a time step.
         starts.append(math.ceil(begin / steps.stride) * steps.stride)
     return EventSequence(tuple(events), tuple(starts), tuple(restless))
+
+
+class _Options(TypedDict, total=False):
+    """Arguments of `run_sequence` with the same types in both overloads."""
+
+    rest: float | None
+    dt: float | None
+    check: bool | None
+    tolerance: float | str | None
+    until_rest: bool
+
+
+@overload
+def run_sequence(
+    case: Case, records: Sequence[Record], *, history: Literal[True], **options: Unpack[_Options]
+) -> ResponseWithHistory: ...
+
+
+@overload
+def run_sequence(
+    case: Case, records: Sequence[Record], *, history: bool = False, **options: Unpack[_Options]
+) -> Response: ...
 
 
 def run_sequence(
