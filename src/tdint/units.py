@@ -268,14 +268,18 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
     return units.scale
 
 
-def compound_units(force: int, length: int, time: int = 0) -> dict[str, float]:
+def compound_units(force: int, length: float, time: int = 0) -> dict[str, float]:
     """Return the units of force^`force` length^`length` s^`time`, such as kN/cm or kN*s/m, with
     their factors to SI units; empty for a number without a unit."""
     found: dict[str, float] = {}
     for (f, force_factor), (u, length_factor) in product(FORCE.items(), LENGTH.items()):
-        powers = {f: force, u: length, "s": time}
+        powers: dict[str, float] = {f: force, u: length, "s": time}
         above, below = (
-            [unit if p == 1 else f"{unit}^{p}" for unit, n in powers.items() if (p := sign * n) > 0]
+            [
+                unit if p == 1 else f"{unit}^{p:g}"
+                for unit, n in powers.items()
+                if (p := sign * n) > 0
+            ]
             for sign in (1, -1)
         )
         if above or below:
