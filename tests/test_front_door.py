@@ -75,8 +75,6 @@ def buildings() -> None:
     print(state.velocity[0], state.history.energy.kinetic, after.final_state.time)
     tdint.run_sequence(case, [record, record], rest=1.0)
     print(tdint.run_sequence(case, [record], history=True, rest=1.0).history.drift)
-    print(tdint.run(model, record, method=["hht"], history=True)[0].history.drift)
-    print(tdint.run(model, record, dt=[0.01], history=True)[0].history.drift)
     tdint.pushover(content, "2%").to_dict("kip,in,g")
     tdint.target_displacements(tdint.pushover(model, 0.02), "ec8:ag=0.3,soil=B")
     tdint.cyclic_test(content, 1, ["1%", 0.02])

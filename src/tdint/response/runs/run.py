@@ -81,30 +81,6 @@ def run(
     *,
     method: list[str] | tuple[str, ...],
     dt: float | Numbers | None = None,
-    history: Literal[True],
-    **options: Unpack[_Options],
-) -> ResultList[ResponseWithHistory]: ...
-
-
-@overload
-def run(
-    model: AnyModel,
-    record: AnyRecord | None = None,
-    *,
-    method: str | None = None,
-    dt: Numbers,
-    history: Literal[True],
-    **options: Unpack[_Options],
-) -> ResultList[ResponseWithHistory]: ...
-
-
-@overload
-def run(
-    model: AnyModel,
-    record: AnyRecord | None = None,
-    *,
-    method: list[str] | tuple[str, ...],
-    dt: float | Numbers | None = None,
     history: bool = False,
     **options: Unpack[_Options],
 ) -> ResultList[Response]: ...  # Several methods: one response for each method and time step.
