@@ -84,6 +84,7 @@ def test_columns_are_declared_in_table_modules():
     names += ["transfer", "table", "matrices", "elements", "histories", "directions"]
     assert other == {f"src/tdint/output/tables/{name}.py" for name in names} | {
         "src/tdint/studies/campaign/exports.py",
+        "src/tdint/output/tables/columns.py",
     }
 
 

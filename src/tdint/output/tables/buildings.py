@@ -16,6 +16,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.model.story import column_name
 from tdint.model.story_laws import default_numbers, named_parameters
+from tdint.output.tables.columns import declared
 from tdint.output.tables.table import (
     FLOOR,
     METHOD_SPEC,
@@ -36,72 +37,24 @@ if TYPE_CHECKING:
     from tdint.model.story_laws import Law
     from tdint.response.static.pushover import Pushover
 
-CYCLIC = (
-    Column.named("story", "story, numbered from the ground"),
-    Column(
-        "step",
-        "1",
-        numbered("path.drift", 0),
-        "point of the displacement path; 0 is the undeformed state",
-    ),
-    Column(
-        "cycle",
-        "1",
-        "cycle_numbers",
-        "cycle, from 1; 0 for the start; empty for a user-defined displacement path",
-    ),
-    Column.named("path.drift", "imposed drift", "m"),
-    Column(
-        "drift_ratio",
-        "1",
-        lambda test: test.path.drift / test.height,
-        "drift divided by story height",
-    ),
-    Column.named("path.shear", "restoring force of the hysteretic law", "N"),
-    Column.named("shear_with_p_delta", "restoring force with the geometric stiffness", "N"),
-    Column(
-        "tangent_stiffness_N_m", "N/m", "path.tangent", "tangent stiffness of the hysteretic law"
-    ),
-    Column.named("path.strain_energy", "strain energy of the hysteretic law", "J"),
-    Column.named("path.hysteretic_energy", "energy dissipated since the start", "J"),
+CYCLIC = declared(
+    "buildings.cyclic",
+    step=numbered("path.drift", 0),
+    drift_ratio=lambda test: test.path.drift / test.height,
 )
 
 
-_SHEAR_BEAM = Column(
-    "period_shear_beam_s", "s", "building.period", "fundamental period of the shear building"
-)
-_STORIES_COLUMNS = (
-    Column.named("building.damping_ratio", "viscous damping ratio"),
-    Column("story", "1", numbered("building.mass"), "story, numbered from the ground"),
-    Column.named("building.mass", "mass of the floor", "kg"),
-    Column.named("building.height", "story height", "m"),
-)
+(_SHEAR_BEAM,) = declared("buildings.shear_beam")
+_STORIES_COLUMNS = declared("buildings.stories_columns", story=numbered("building.mass"))
 INVENTORY = (
-    Column.named("row.id", "id of the building", TEXT),
-    Column.named("building.design_level", "design level: pre, low, moderate, high", TEXT),
-    Column("hazus_type", "text", "building.type", "structure type with its height class"),
-    Column("period_rule_s", "s", "building.rule_period", "fundamental period by the rules"),
+    *declared("buildings.inventory-1"),
     _SHEAR_BEAM,
     *_STORIES_COLUMNS,
-    Column.named("building.stiffness", "initial stiffness", "N/m"),
-    Column.named("building.yield_force", "force at first yield", "N"),
-    Column.named("building.ultimate_force", "maximum force", "N"),
-    Column.named("building.yield_drift", "drift at first yield", "m"),
-    Column.named("building.ultimate_drift", "drift at the maximum force", "m"),
-    Column.named(
-        "building.pinching", "fraction of the force at which the first branch of reloading ends"
-    ),
-    Column("unloading_exponent", "1", "building.unloading", "exponent of the unloading stiffness"),
+    *declared("buildings.inventory-2"),
 )
 CLASS_COLUMNS = (
     INVENTORY[0],
-    Column("class", "text", "building.name", "class of the building"),
-    Column(
-        "period_curve_s",
-        "s",
-        "building.curve_period",
-        "period of the initial branch of the capacity curve",
-    ),
+    *declared("buildings.class_columns"),
     _SHEAR_BEAM,
     Column.named("building.participation", "roof displacement divided by spectral displacement"),
     *_STORIES_COLUMNS,
@@ -149,63 +102,15 @@ def pushover_table(result: Pushover) -> Table:
     return Table.of_results(pushover(result.drift.shape[1]), [result])
 
 
-ELEMENT_EVENTS = (
-    Column.named("story", "story, numbered from the ground"),
-    Column.named("element", "name of the element in the model file", TEXT),
-    Column.named("law", "hysteretic law of the element", TEXT),
-    Column.named("drift", "drift of the story", "m"),
-    Column.named("roof_displacement", "roof displacement", "m"),
-    Column.named("base_shear", "base shear", "N"),
-    Column.named("stiffness_before", "tangent of the element before", "N/m"),
-    Column.named("stiffness_after", "tangent of the element after", "N/m"),
-)
+ELEMENT_EVENTS = declared("buildings.element_events")
 """Changes of stiffness of the elements of stories with several elements in a pushover."""
 
 
-TARGET_DISPLACEMENT = (
-    Column.named("method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)", TEXT),
-    Column("story", "1", numbered("drift"), "story, numbered from the ground"),
-    Column.named("drift", "drift at the target displacement", "m"),
-    Column.named("drift_ratio", "drift divided by story height"),
-    Column.named("ductility", "drift divided by the drift at first yield"),
-)
+TARGET_DISPLACEMENT = declared("buildings.target_displacement", story=numbered("drift"))
 TARGET_OF_BUILDING = (
     TARGET_DISPLACEMENT[0],
-    Column.named("roof_displacement", "target displacement of the roof", "m"),
-    Column.named("base_shear", "base shear at the target displacement", "N"),
-    Column.named("period", "period of the equivalent oscillator: T*, Te", "s"),
-    Column(
-        "sa_m_s2",
-        "m/s^2",
-        "spectral_acceleration",
-        "pseudo-acceleration of the target spectrum at period_s",
-    ),
-    Column.named(
-        "participation",
-        "roof displacement divided by the displacement of the oscillator: Gamma, C0",
-    ),
-    Column.named(
-        "mass", "mass of the equivalent oscillator; with coefficients, mass of the building", "kg"
-    ),
-    Column.named("yield_force", "base shear at which the idealized curve yields", "N"),
-    Column.named("yield_displacement", "roof displacement at which it yields", "m"),
-    Column.named("strength_ratio", "elastic force divided by yield force"),
-    Column(
-        "c1",
-        "1",
-        elements_of("factors", 0),
-        "C1; with n2 displacement divided by elastic displacement",
-    ),
-    Column("c2", "1", elements_of("factors", 1), "C2; 1 with n2"),
-    Column.named("mass_factor", "factor C_m of the mass in strength_ratio; empty with n2"),
-    Column.named("site_class", "site class of C1; empty with n2", TEXT),
-    Column("a", "1", "site_factor", "factor a of C1 for the site class; empty with n2"),
-    Column(
-        "mu_max",
-        "1",
-        "largest_ratio",
-        "largest strength_ratio for which the method holds if the building loses strength; empty "
-        "with n2 and without a slope after the peak of the curve",
+    *declared(
+        "buildings.target_of_building", c1=elements_of("factors", 0), c2=elements_of("factors", 1)
     ),
 )
 
@@ -220,11 +125,9 @@ MODAL_RESPONSE = (
         Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {text}")
         for rule, text in _COMBINED
     ),
-    Column(
-        "drift_ratio_cqc",
-        "1",
-        lambda result: result.drift_cqc / result.height,
-        "drift_cqc_m divided by story height",
+    *declared(
+        "buildings.modal_response-1",
+        drift_ratio_cqc=lambda result: result.drift_cqc / result.height,
     ),
     *(
         Column(f"shear_{rule}_N", "N", f"shear_{rule}", f"story shear, {text}")
@@ -239,37 +142,12 @@ MODAL_RESPONSE = (
         )
         for rule, text in _COMBINED
     ),
-    Column(
-        "absolute_acceleration_cqc_m_s2",
-        "m/s^2",
-        "acceleration_cqc",
-        "absolute acceleration of the floor: floor force divided by mass",
-    ),
-    Column("floor_force_cqc_N", "N", "force_cqc", "force on the floor above the story"),
-    Column(
-        "overturning_moment_cqc_Nm",
-        "N*m",
-        "moment_cqc",
-        "overturning moment at the base of the story",
-    ),
+    *declared("buildings.modal_response-2"),
 )
-MODAL_SHARE = (
-    Column("mode", "1", numbered("period"), "mode number, from the longest period"),
-    Column.named("period", "natural period", "s"),
-    Column(
-        "sa_m_s2",
-        "m/s^2",
-        "spectral_acceleration",
-        "pseudo-acceleration of the target spectrum; 0 for an omitted mode",
-    ),
-    Column.named("mass_ratio", "effective modal mass divided by the total mass"),
-    Column.named("base_shear", "base shear of this mode", "N"),
-    Column(
-        "base_shear_share",
-        "1",
-        lambda result: result.base_shear**2 / np.sum(result.base_shear**2),
-        "square of base_shear_N divided by the sum of the squares over all modes",
-    ),
+MODAL_SHARE = declared(
+    "buildings.modal_share",
+    mode=numbered("period"),
+    base_shear_share=lambda result: result.base_shear**2 / np.sum(result.base_shear**2),
 )
 
 
@@ -280,60 +158,25 @@ def _finite(values: Any) -> Any:
 
 
 OVERVIEW = (
-    Column("model", "text", "model.source", "model file"),
-    Column.named("model.name", "name of the building", TEXT),
-    Column.named("stories", "number of stories"),
-    Column.named("height", "height of the building; empty if a story has no height", "m"),
-    Column.named("mass", "total mass of the floors", "kg"),
-    Column(
-        "t1_s",
-        "s",
-        lambda overview: float(_finite(overview.period)),
-        "fundamental period of the initial stiffness, P-delta included; empty without stiffness",
-    ),
-    Column(
-        "t1_damping",
-        "1",
-        lambda overview: float(_finite(overview.damping)),
-        "viscous damping ratio of the first mode, without power-law dashpots and braced dampers",
-    ),
-    Column.named(
-        "laws", "hysteretic laws; with several laws, also the number of stories of each law", TEXT
+    *declared(
+        "buildings.overview",
+        t1_s=lambda overview: float(_finite(overview.period)),
+        t1_damping=lambda overview: float(_finite(overview.damping)),
     ),
     METHOD_SPEC,
     Column.named("record", "file of the ground motion", TEXT),
 )
 OVERVIEW_WITH_DAMPERS = (
     *OVERVIEW,
-    Column(
-        "complex_t1_s",
-        "s",
-        "complex_period",
-        "period of the first mode with all linear dampers and their braces; empty without dampers",
-    ),
-    Column("complex_t1_damping", "1", "complex_damping", "damping ratio of this mode"),
+    *declared("buildings.overview_with_dampers"),
 )
 """Columns of the overview of models if at least one model has dampers."""
 
-MODE = (
-    Column("mode", "1", numbered("omega"), "mode number, from the longest period"),
-    Column(
-        "period_s",
-        "s",
-        lambda modes: _finite(modes.period),
-        "natural period; empty without stiffness",
-    ),
-    Column("frequency_hz", "Hz", "frequency", "natural frequency"),
+MODE = declared(
+    "buildings.mode", mode=numbered("omega"), period_s=lambda modes: _finite(modes.period)
 )
-MODE_END = (
-    Column.named("participation", "participation factor for unit roof displacement"),
-    Column.named("mass_ratio", "effective modal mass divided by the total mass"),
-    Column(
-        "cumulative_mass_ratio",
-        "1",
-        lambda modes: np.cumsum(modes.mass_ratio),
-        "sum of mass_ratio up to this mode",
-    ),
+MODE_END = declared(
+    "buildings.mode_end", cumulative_mass_ratio=lambda modes: np.cumsum(modes.mass_ratio)
 )
 
 
@@ -347,37 +190,14 @@ def mode_damping(ratios: Any) -> Column:
     )
 
 
-COMPLEX_MODE = (
-    Column(
-        "complex_period_s",
-        "s",
-        "natural_period",
-        "period of the mode with all linear dampers and their braces: 2 pi over the absolute value "
-        "of the complex eigenvalue; empty without vibration",
-    ),
-    Column.named(
-        "damped_period", "period of the vibration of this mode, 2 pi over the imaginary part", "s"
-    ),
-    Column("complex_damping", "1", "damping", "damping ratio of this mode"),
-)
+COMPLEX_MODE = declared("buildings.complex_mode")
 """Columns of the modes of a building with dampers (`tdint.model.modes.ComplexModes`)."""
 
 
 COMPARISON_SPECTRA = (
     FLOOR,
     PERIOD,
-    Column(
-        "computed_sa_m_s2",
-        "m/s^2",
-        "computed",
-        "spectral acceleration (absolute) of the computed floor motion",
-    ),
-    Column(
-        "recorded_sa_m_s2",
-        "m/s^2",
-        "recorded",
-        "spectral acceleration (absolute) of the recorded floor motion",
-    ),
+    *declared("buildings.comparison_spectra"),
 )
 
 
@@ -387,21 +207,15 @@ def of_event(name: str) -> Column:
     return Column("recorded", "text", lambda _: name, "file of the recordings")
 
 
-MODEL = (
-    Column("story", "1", numbered("stories"), "story, numbered from the ground"),
-    Column("mass_kg", "kg", lambda model: _story_values(model, "mass"), "mass of the floor above"),
-    Column("height_m", "m", lambda model: _story_values(model, "height"), "story height"),
-    Column(
-        "stiffness_N_m", "N/m", lambda model: _story_values(model, "stiffness"), "initial stiffness"
-    ),
+MODEL = declared(
+    "buildings.model",
+    story=numbered("stories"),
+    mass_kg=lambda model: _story_values(model, "mass"),
+    height_m=lambda model: _story_values(model, "height"),
+    stiffness_N_m=lambda model: _story_values(model, "stiffness"),
 )
 """Stories of a model; the text columns of hysteretic laws and dashpots follow."""
-DEVICE = (
-    Column.named("name", "name of the attachment or link", TEXT),
-    Column.named("place", "floor of an attachment, start and end of a link", TEXT),
-    Column.named("mass", "attached mass", "kg"),
-    Column.named("stiffness", "initial stiffness of the spring", "N/m"),
-)
+DEVICE = declared("buildings.device")
 """Attachments and links of a model; the text columns of hysteretic laws and dashpots follow."""
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.model.definition import Attachment, Link
+from tdint.output.tables.columns import declared
 from tdint.output.tables.elements import FRACTURE
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows, rows_of
 from tdint.response.runs.contacts import LinkContact
@@ -52,19 +53,8 @@ LINK_COLUMNS = tuple(
     for name, (column, meaning) in _OF_LINKS.items()
 )
 LINK_ERROR = error_columns(LINK_COLUMNS)
-ENERGY = (
-    Column.named(
-        "dissipated_energy", "energy dissipated by spring and dashpot since the start", "J"
-    ),
-)
-INERTER = (
-    Column(
-        "peak_inerter_force_N",
-        "N",
-        "inerter_force",
-        "maximum absolute force of the inerter; 0 without an inerter",
-    ),
-)
+ENERGY = declared("devices.energy")
+INERTER = declared("devices.inerter")
 ENERGY_ERROR, INERTER_ERROR = (
     tuple(column._replace(value=f"{column.value}_error") for column in error_columns(columns))
     for columns in (ENERGY, INERTER)
@@ -73,11 +63,7 @@ ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),
     Column.named("floor", "floor on which it stands, numbered from the ground (0)"),
 )
-LINK_NAMES = (
-    Column("link", "text", "name", "name of the link"),
-    Column("from", "text", "start", "start: ground, a floor or an attachment"),
-    Column("to", "text", "end", "end: ground, a floor or an attachment"),
-)
+LINK_NAMES = declared("devices.link_names")
 
 CONTACT_COLUMNS = (
     LINK_NAMES[0]._replace(value="link", meaning="name of a link with stops"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from tdint.output.tables.columns import declared
 from tdint.output.tables.table import TEXT, Cell, Column, Table, describe, error_columns, numbered
 from tdint.response.runs.outcome import Response
 from tdint.units import suffix
@@ -41,12 +42,7 @@ _COLUMNS = [
 ]
 _RESULTANTS = [column for column in _COLUMNS if str(column.value).endswith(".value")]
 RESULTANT_COLUMNS = (
-    Column(
-        "story",
-        "1",
-        numbered("drift.value"),
-        "story (or the floor above), numbered from the ground",
-    ),
+    *declared("directions.resultant_columns", story=numbered("drift.value")),
     *_COLUMNS,
 )
 RESULTANT_ERROR = tuple(

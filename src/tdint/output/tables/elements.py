@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tdint.output.tables.columns import declared
 from tdint.output.tables.table import TEXT, Column, Table, error_columns
 from tdint.response.runs.elements import ELEMENT_QUANTITIES
 
@@ -13,9 +14,7 @@ if TYPE_CHECKING:
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
 
 ELEMENT_COLUMNS: tuple[Column, ...] = (
-    Column.named("story", "story, numbered from the ground"),
-    Column.named("element", "name of the element in the model file", TEXT),
-    Column.named("law", "hysteretic law of the element", TEXT),
+    *declared("elements.element_columns"),
     Column.of_quantity(_ELEMENT["peak_force"]),
     Column.of_quantity(_ELEMENT["dissipated_energy"]),
     Column.named("yield_drift", "drift at first yield; empty without yielding", "m"),

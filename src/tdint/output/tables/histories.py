@@ -7,6 +7,7 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
+from tdint.output.tables.columns import declared
 from tdint.output.tables.devices import history_groups as device_groups
 from tdint.output.tables.table import Column
 from tdint.response.runs.energy import ENERGY_TERMS
@@ -30,12 +31,7 @@ HISTORY_ENERGY = (
         Column(f"energy_{name}_J", "J", f"energy.{name}", meaning)
         for name, meaning in ENERGY_TERMS.items()
     ),
-    Column(
-        "energy_error",
-        "1",
-        "energy.error",
-        "energy balance error divided by the maximum input energy of the run",
-    ),
+    *declared("histories.history_energy"),
 )
 
 HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (

@@ -5,19 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from tdint.model.definition import Excitation, TableForce
-from tdint.output.tables.table import Column, Table
+from tdint.output.tables.columns import declared
+from tdint.output.tables.table import Table
 
-LOAD_COLUMNS = (
-    Column.named("floor", "floor, numbered from the ground"),
-    Column(
-        "table", "text", lambda force: force.table.source, "file; empty for points of the model"
-    ),
-    Column("column", "text", lambda force: force.table.columns[force.column], "column of the file"),
-    Column.named("factor", "factor on the forces of the column"),
-    Column("first_time_s", "s", lambda force: float(force.times[0]), "time of the first force"),
-    Column("last_time_s", "s", lambda force: float(force.times[-1]), "time of the last force"),
-    Column("peak_load_N", "N", lambda force: _peak(force), "maximum absolute force"),
-    Column("impulse_Ns", "N*s", lambda force: _impulse(force), "integral of the force over time"),
+LOAD_COLUMNS = declared(
+    "loads.load_columns",
+    table=lambda force: force.table.source,
+    column=lambda force: force.table.columns[force.column],
+    first_time_s=lambda force: float(force.times[0]),
+    last_time_s=lambda force: float(force.times[-1]),
+    peak_load_N=lambda force: _peak(force),
+    impulse_Ns=lambda force: _impulse(force),
 )
 """Columns of the table, evaluated for each force. They are also the keys in summary.json."""
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.output.tables.table import TEXT, Column, Table, columns_of, error_columns
+from tdint.output.tables.columns import declared
+from tdint.output.tables.table import Column, Table, columns_of, error_columns
 from tdint.response.runs.flexure import FLEXURE_QUANTITIES, FlexureValues
 from tdint.response.runs.outcome import STORY_QUANTITIES
 
@@ -18,9 +19,7 @@ FLEXURE_COLUMNS = columns_of(FlexureValues)
 """Further columns of stories.csv for flexural stories."""
 FLEXURE_ERROR = error_columns(FLEXURE_COLUMNS)
 
-ROW_NAME = Column(
-    "row", TEXT, lambda model: np.array(model.rows), "name of the row in the model file"
-)
+(ROW_NAME,) = declared("matrices.row_name", row=lambda model: np.array(model.rows))
 _OF_ROWS = {
     "residual_drift": ("residual_displacement_m", "displacement at the end of the run"),
     "peak_displacement": ("peak_displacement_m", "maximum absolute displacement"),

@@ -8,7 +8,8 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from tdint.methods.publications import references_of
-from tdint.output.tables.table import TEXT, Cell, Column, Table, cell_text
+from tdint.output.tables.columns import declared
+from tdint.output.tables.table import Cell, Table, cell_text
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator, Method
@@ -47,30 +48,15 @@ def _parameter_texts(integrator: Integrator) -> str:
     return "; ".join(texts)
 
 
-METHOD = (
-    Column.named("method.name", "name", TEXT),
-    Column("family", "text", "family.name", "methods that share one compiled step"),
-    Column("parameters", "text", _parameter_texts, "default values and ranges"),
-    Column.named("order", "order of accuracy of displacement and velocity for a smooth load"),
-    Column.named("implicit", "true if a step solves for the restoring force at its end", TEXT),
-    Column(
-        "stability_limit",
-        "1",
-        _limit_or_none("stability_limit"),
-        "largest stable omega dt without damping; none if stable for all time steps",
-    ),
-    Column.named("rho_inf", "spectral radius for omega dt to infinity"),
-    Column("source", "text", _without_commas("method.source"), "publication"),
+METHOD = declared(
+    "methods.method",
+    parameters=_parameter_texts,
+    stability_limit=_limit_or_none("stability_limit"),
+    source=_without_commas("method.source"),
 )
 
 
-REFERENCE = (
-    Column.named("method", "name of the method", TEXT),
-    Column.named(
-        "reference", "authors, year, title, publication; for a method of a plug-in its source", TEXT
-    ),
-    Column.named("doi", "DOI, if it is known with certainty", TEXT),
-)
+REFERENCE = declared("methods.reference")
 
 
 def reference_table(methods: Iterable[Method]) -> Table:

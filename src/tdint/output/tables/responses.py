@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdint.output.tables.columns import declared
 from tdint.output.tables.table import (
     TEXT,
     Cell,
@@ -21,21 +22,13 @@ if TYPE_CHECKING:
     from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
 
 STORY_COLUMNS: tuple[Column, ...] = (
-    Column(
-        "story", "1", numbered("peak_drift"), "story (or the floor above), numbered from the ground"
-    ),
-    Column.named("height", "story height", "m"),
+    *declared("responses.story_columns", story=numbered("peak_drift")),
     *(Column.of_quantity(quantity) for quantity in STORY_QUANTITIES if "table" in quantity.shown),
 )
 STORY_ERROR = error_columns(STORY_COLUMNS[2:])
 """Additional columns of a run with error estimates."""
 
-ENERGY = Column.named(
-    "hysteretic_energy",
-    "energy that the restoring force of the story has dissipated since the start of the run, "
-    "without the stored elastic energy",
-    "J",
-)
+(ENERGY,) = declared("responses.energy")
 ENERGY_ERROR = error_columns((ENERGY,))
 
 _ALL = "all"

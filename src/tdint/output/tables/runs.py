@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from tdint.model.parameters import parameter_meaning
+from tdint.output.tables.columns import declared
 from tdint.output.tables.table import METHOD_SPEC, NAMED_RECORD_COLUMNS, TEXT, Column, error_columns
 from tdint.response.runs.run_values import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 
@@ -14,25 +15,9 @@ BUILDING_COLUMNS = (
     Column.named("scale", "scale factor of the ground motion"),
 )
 
-SAMPLE = Column.named(
-    "sample",
-    "number of the random sample from a grid of ground motions, or of the event, from 1; 0 without "
-    "samples and events",
-)
+(SAMPLE,) = declared("runs.sample")
 
-PLACE = (
-    Column.named(
-        "motion",
-        "ground motion: number of the recording, which its two components have in common; 4-1 and "
-        "4-2 if components or rows of the recording have different factors",
-        TEXT,
-    ),
-    Column.named(
-        "level",
-        "level: value of the intensity measure in SI units, common scale factor, or number of the "
-        "level; empty if all motions are one suite with individual factors",
-    ),
-)
+PLACE = declared("runs.place")
 
 RUNS = (
     *BUILDING_COLUMNS,
@@ -44,9 +29,7 @@ RUNS = (
 """Columns of runs.csv."""
 
 SHOCKS = (
-    Column.named("shock", "event of the sequence, from 1"),
-    Column.named("start", "time of the first sample of the event in the sequence", "s"),
-    Column.named("pga", "peak ground acceleration of the scaled event", "m/s^2"),
+    *declared("runs.shocks"),
     *(Column.of_quantity(quantity) for quantity in DEMANDED),
 )
 """Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""

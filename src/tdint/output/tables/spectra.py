@@ -24,6 +24,7 @@ from tdint.ground_motion.measures import (
     spectrum_intensity,
 )
 from tdint.ground_motion.record import Record, named_components
+from tdint.output.tables.columns import declared
 from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, Table, columns_of, elements_of
 from tdint.response.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.tabular import Tabular
@@ -46,59 +47,18 @@ def _measure_column(name: str) -> Column:
 
 INFO = (
     *RECORD_COLUMNS,
-    Column(
-        "id",
-        "text",
-        lambda info: info.record.id if info.record.id.strip(".") else "",
-        "full identifier of the channel",
-    ),
-    Column.named("record.start", "time of the first sample, UTC", "text"),
-    Column("samples", "1", "record.acceleration.size", "number of samples"),
-    Column.named("record.dt", "sampling interval", "s"),
-    Column.named("record.duration", "time from the first to the last sample", "s"),
-    Column(
-        "units",
-        "text",
-        lambda info: f"{info.record.units} ({info.record.units_from})",
-        "units of the samples in the file, and their source",
+    *declared(
+        "spectra.info-1",
+        id=lambda info: info.record.id if info.record.id.strip(".") else "",
+        units=lambda info: f"{info.record.units} ({info.record.units_from})",
     ),
     *map(_measure_column, BUILTIN_MEASURES),
-    Column.named("housner_intensity", "Housner spectrum intensity", "m"),
-    Column.named("measures.mean", "mean of the acceleration", "m/s^2"),
-    Column.named("measures.leading_zeros", "number of samples at the start that are zero"),
-    Column.named("measures.trailing_zeros", "number of samples at the end that are zero"),
-    Column.named(
-        "predominant_period",
-        "period of the maximum pseudo-acceleration with 5 % damping (Tp), at periods 1 % apart",
-        "s",
-    ),
-    Column.named(
-        "measures.mean_period", "mean period of the Fourier amplitudes from 0.25 to 20 Hz (Tm)", "s"
-    ),
-    Column.named(
-        "measures.a95",
-        "acceleration level below which 95 % of the Arias intensity is contained",
-        "m/s^2",
-    ),
-    Column.named(
-        "measures.bracketed_duration",
-        "time between the first and the last acceleration of 0.05 g",
-        "s",
-    ),
-    Column(
-        "notes",
-        "text",
-        lambda info: "; ".join(info.notes),
-        "notes and warnings; a note about all components of a file is in the row of the first",
-    ),
+    *declared("spectra.info-2", notes=lambda info: "; ".join(info.notes)),
 )
 
 MOTION = (
     *RECORD_COLUMNS,
-    Column.named("dt", "sampling interval", "s"),
-    Column.named("duration", "time from the first to the last sample", "s"),
-    Column.named("scale", "scale factor of the recorded acceleration"),
-    Column.named("pga", "peak ground acceleration", "m/s^2"),
+    *declared("spectra.motion"),
 )
 """Columns of ground motions after processing and scaling."""
 
@@ -110,12 +70,7 @@ SAMPLES: tuple[Column, ...] = (
 
 GROUND = (
     *SAMPLES,
-    Column.named(
-        "velocity",
-        "integral of the acceleration from rest; its peak (pgv) may occur between samples",
-        "m/s",
-    ),
-    Column.named("displacement", "integral of the velocity", "m"),
+    *declared("spectra.ground"),
 )
 """Columns of an exported ground motion."""
 
@@ -139,9 +94,7 @@ SPECTRUM = columns_of(Spectrum)
 TARGET = (
     Column("target", "text", "source", "design spectrum with its parameters, or file"),
     SPECTRUM[1],
-    Column.named("sd", "displacement, psa divided by omega^2", "m"),
-    Column.named("psv", "pseudo-velocity, psa divided by omega", "m/s"),
-    Column.named("psa", "pseudo-acceleration", "m/s^2"),
+    *declared("spectra.target"),
 )
 """Columns of a target spectrum."""
 
@@ -161,20 +114,7 @@ def difference(published: str) -> tuple[Column, ...]:
     )
 
 
-ROTATED_END = (
-    Column(
-        "geometric_mean_psa_m_s2",
-        "m/s^2",
-        "geometric_mean",
-        "geometric mean of the pseudo-accelerations of both components",
-    ),
-    Column(
-        "rotd100_angle_deg",
-        "degree",
-        "angle",
-        "direction of the maximum, from the first component towards the second",
-    ),
-)
+ROTATED_END = declared("spectra.rotated_end")
 
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
@@ -334,16 +274,7 @@ def _end_displacement(index: int) -> Callable[[Any], Any]:
 
 
 MATCHED = (
-    Column.named("factor", "scale factor of the seed before matching"),
-    Column.named(
-        "largest_misfit",
-        "maximum relative difference from the target at 1000 periods; for a pair of RotD100",
-    ),
-    Column.named("mean_misfit", "mean relative difference from the target"),
-    Column.named(
-        "change",
-        "root mean square of the change divided by the root mean square of the scaled seed",
-    ),
+    *declared("spectra.matched"),
     *(
         Column(
             f"{seed}{MEASURES[name].head}{suffix(MEASURES[name].unit)}",
@@ -442,15 +373,7 @@ def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] 
     return Table.of_results(columns, spectra)
 
 
-FLOOR_SUITE_COLUMNS = (
-    Column(
-        "mean_psa_m_s2",
-        "m/s^2",
-        "mean",
-        "mean pseudo-acceleration over the ground motions; pair_demand states the demand of a pair",
-    ),
-    Column("max_psa_m_s2", "m/s^2", "envelope", "maximum over the ground motions"),
-)
+FLOOR_SUITE_COLUMNS = declared("spectra.floor_suite_columns")
 """Columns of floor spectra over the ground motions, after floor, damping and period."""
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdint.model.story import column_name
+from tdint.output.tables.columns import declared
 from tdint.output.tables.table import Column, Table, elements_of
 from tdint.units import suffix
 
@@ -51,11 +52,7 @@ def transfer_table(result: TransferFunction) -> Table:
     return Table.of_results(columns, [result])
 
 
-RESONANCE = (
-    Column.named("floor", "floor, numbered from the ground, or name of the attachment"),
-    Column.named("frequency", "frequency of the maximum amplitude", "Hz"),
-    Column.named("amplitude", "maximum absolute acceleration over ground acceleration"),
-)
+RESONANCE = declared("transfer.resonance")
 RESONANCE_OF_FORCE = (
     *RESONANCE[:2],
     Column.named("amplitude", "maximum displacement over force", "m/N"),

@@ -36,10 +36,10 @@ from tdint.studies.campaign.story_profiles import (
     Profile,
     Ratios,
     SpectraOfRuns,
-    Statistics,
     level_measure,
     profiles,
 )
+from tdint.studies.columns import declared
 from tdint.studies.fragility.measures import RunMeasure
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import RowTable
@@ -48,53 +48,12 @@ from tdint.units import SI, OutputUnits, Quantity, suffix
 EVENT = Column.named("event", "event of a ground motion field", TEXT)
 
 
-LEVEL = Column.named(
-    "level",
-    "value of the intensity measure in SI units; if each ground motion has its own scale factors, "
-    "their number, from the smallest",
-)
-COUNTS = (
-    Column(
-        "runs",
-        "1",
-        "counts.motions",
-        "number of ground motions; a pair counts as one unless its components count separately",
-    ),
-    Column.named(
-        "counts.collapsed",
-        "number of ground motions with collapse; they are excluded from mean and max, and count as "
-        "larger than every value in the fractiles",
-    ),
-    Column.named(
-        "counts.failed",
-        "number of ground motions without a result; they are excluded from the statistics",
-    ),
-)
+(LEVEL,) = declared("campaign.level")
+COUNTS = declared("campaign.counts")
 
 PROFILES = (
     BUILDING_COLUMNS[0],
-    Column.named(
-        "scale",
-        "scale factor of the ground motions; empty if each ground motion has its own factor",
-    ),
-    Column.named(
-        "quantity", "column of stories.csv without its unit: maximum absolute value over time", TEXT
-    ),
-    Column.named("story", "story (or the floor above), numbered from the ground"),
-    Column.named("unit", "unit of the quantity", TEXT),
-    Column.named(
-        "mean",
-        "mean over the ground motions with a result and without collapse; pair_demand states the "
-        "demand of a pair",
-    ),
-    Column.named(
-        "median",
-        "median over the ground motions with a result or collapse; inf if the fractile is a "
-        "collapse, which is larger than every value",
-    ),
-    Column.named("p16", "16 % fractile, as the median"),
-    Column.named("p84", "84 % fractile, as the median"),
-    Column.named("max", "maximum over the ground motions of the mean"),
+    *declared("campaign.profiles"),
     *COUNTS,
 )
 """Columns of profiles.csv."""
@@ -115,56 +74,9 @@ RATIOS = (
         "quantity",
         f"{PROFILES[2].meaning}; base_shear is the restoring force of the first story",
     ),
-    Column(
-        "story",
-        "1",
-        lambda item: np.array([None, *range(1, item.ratios.mean.size)], dtype=object),
-        "story of the baseline (or the floor above); empty for the maximum over all stories of "
-        "each building, for drifts without isolators. Stories of a building with other "
-        "isolators or stories are counted from the roof",
-    ),
-    Column(
-        "mean_ratio",
-        "1",
-        "ratios.mean",
-        "mean over the ground motions that the building and the baseline both complete, divided by "
-        "the mean of the baseline over the same motions",
-    ),
-    Column(
-        "median_ratio",
-        "1",
-        "ratios.median",
-        "median over all motions divided by the median of the baseline; a collapse is above every "
-        "value (inf), empty if the median of the baseline is a collapse",
-    ),
-    Column(
-        "max_ratio",
-        "1",
-        "ratios.max",
-        "maximum divided by the maximum of the baseline, as the mean",
-    ),
-    Column.named(
-        "ratios.motions",
-        "number of ground motions that both complete; after collapses, fewer than 3 give no ratio "
-        "of means or maxima",
-    ),
-    Column.named(
-        "compared.counts.collapsed", "number of ground motions with collapse of the building"
-    ),
-    Column.named(
-        "compared.counts.failed", "number of ground motions without a result of the building"
-    ),
-    Column(
-        "baseline_collapsed",
-        "1",
-        "base.counts.collapsed",
-        "number of ground motions with collapse of the baseline",
-    ),
-    Column(
-        "baseline_failed",
-        "1",
-        "base.counts.failed",
-        "number of ground motions without a result of the baseline",
+    *declared(
+        "campaign.ratios",
+        story=lambda item: np.array([None, *range(1, item.ratios.mean.size)], dtype=object),
     ),
 )
 """Columns of ratios.csv."""
@@ -346,10 +258,10 @@ def _profile_rows(profiles: Iterable[Profile], units: OutputUnits) -> Iterator[l
         pair_demand = (profile.pair_demand,) if profile.pair_demand else ()
         for quantity in STORY_QUANTITIES:
             unit, factor = units.unit(quantity.unit)
-            statistics = _cells_of_stories(profile.statistics(quantity), factor)
+            statistics = (np.array(profile.statistics(quantity)).T / factor).tolist()
             errors: Iterable[Sequence[float]] = repeat(())  # no cells if not estimated
             if (error_statistics := profile.errors(quantity)) is not None:
-                errors = _cells_of_stories(error_statistics, factor)
+                errors = (np.array(error_statistics).T / factor).tolist()
             name = quantity.called or quantity.name
             # The lengths may differ (`strict=False`), because `repeat` is endless.
             for story, (cells, error_cells) in enumerate(
@@ -357,15 +269,6 @@ def _profile_rows(profiles: Iterable[Profile], units: OutputUnits) -> Iterator[l
             ):
                 head = (cell_text(profile.building), profile.scale, *level, name, story, unit)
                 yield [*head, *cells, *counts, *error_cells, *pair_demand]
-
-
-def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float]]:
-    """Return the statistics of each story as a list of the five cells mean, median, p16, p84 and
-    max, divided by `factor` (value of the output unit in SI units). An infinite fractile is a
-    collapse."""
-    values = np.array(list(vars(statistics).values()))
-    cells: list[list[float]] = (values.T / factor).tolist()
-    return cells
 
 
 def with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:

@@ -129,8 +129,8 @@ class BuildingRuns(NamedTuple):
 
     Attributes
     ----------
-    places : tuple of Place
-        Ground motion and level of each run.
+    runs : mapping of Run to Place
+        Runs in their order, with ground motion and level of each run.
     max_step : float | None
         Maximum time step that meets the tolerance of the campaign, s; None if no time step meets
         the tolerance; infinity if the campaign has no tolerance.
@@ -138,24 +138,17 @@ class BuildingRuns(NamedTuple):
 
     number: int
     source: Source
-    runs: tuple[Run, ...]
-    places: tuple[Place, ...]
+    runs: Mapping[Run, Place]
     max_step: float | None = math.inf
 
     def without(self, runs: Collection[tuple[Any, ...]]) -> Self:
         """Return the runs that are not in a collection of keys (building, and fields of `Run`)."""
-        kept = [
-            (run, place)
-            for run, place in zip(self.runs, self.places, strict=True)
-            if (self.number, *run) not in runs
-        ]
-        return self._replace(
-            runs=tuple(run for run, _ in kept), places=tuple(place for _, place in kept)
-        )
+        kept = {run: place for run, place in self.runs.items() if (self.number, *run) not in runs}
+        return self._replace(runs=kept)
 
     def first(self, count: int) -> Self:
         """Return the first runs, at most `count`."""
-        return self._replace(runs=self.runs[:count], places=self.places[:count])
+        return self._replace(runs=dict(islice(self.runs.items(), count)))
 
 
 class RunRow(NamedTuple):
@@ -652,8 +645,8 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     rows = Rows()
     for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(building_runs.number, subject, chunk.records, sa_t1, chunk.settings)
-        results = batch.results(building_runs.runs, building_runs.max_step)
-        places = dict(zip(building_runs.runs, building_runs.places, strict=True))
+        results = batch.results([*building_runs.runs], building_runs.max_step)
+        places = building_runs.runs
         results.runs = [row._replace(place=places[Run(*row[1:4])]) for row in results.runs]
         rows.extend(results)
     return ChunkResult(chunk.number, rows, time.thread_time() - start_time)

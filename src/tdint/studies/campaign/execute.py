@@ -722,7 +722,7 @@ def _copy_results(old: Store, new: Store, plan: Plan, identity: Identity) -> int
     for number in range(plan.chunks):
         rows = Rows()
         for part in plan.chunk(number).buildings:
-            for run, place in zip(part.runs, part.places, strict=True):
+            for run, place in part.runs.items():
                 if part.number in buildings and run.motion in motions:
                     old_key = (buildings[part.number], motions[run.motion], run.scale, run.sample)
                     rows.extend(_rows_of(old, old_key, part.number, run, place))

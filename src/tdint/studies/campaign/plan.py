@@ -316,15 +316,8 @@ class Plan:
             # the division into chunks.
             max_step = self._max_step(number, sources[index], runs)
             places = motions_and_levels(runs, levels, self.recordings)
-            result.append(
-                BuildingRuns(
-                    number,
-                    sources[index],
-                    tuple(runs[run_slice]),
-                    tuple(places[run_slice]),
-                    max_step,
-                )
-            )
+            part = dict(zip(runs[run_slice], places[run_slice], strict=True))
+            result.append(BuildingRuns(number, sources[index], part, max_step))
         return tuple(result)
 
     @cached_property

@@ -78,8 +78,7 @@ _NUMBERED_LEVEL = ("level", "")
 """Name and unit of levels that are numbered, because each motion has individual scale factors."""
 
 
-@dataclass(frozen=True)
-class Statistics:
+class Statistics(NamedTuple):
     """Statistics of a quantity over the motions, in each of n stories: mean, median, 16 % and 84 %
     fractiles, and maximum. Each array has the shape (n,). Mean and maximum are NaN without motions
     that the building survives; a fractile is infinite if it is a collapse."""
@@ -121,7 +120,7 @@ class Statistics:
 
         def statistics_of(samples: Array) -> Array:
             """Return the statistics of samples in the order of the fields of the class."""
-            statistics = np.array(list(vars(cls.of(samples)).values()))
+            statistics = np.array(cls.of(samples))
             return np.where(np.isinf(statistics), math.nan, statistics)
 
         result = statistics_of(values)

@@ -24,6 +24,7 @@ from tdint.studies.campaign.campaign_tables import (
     run_heads,
     with_pair_demand,
 )
+from tdint.studies.columns import declared
 from tdint.studies.fragility.building_damage import (
     TypeDamage,
     building_damages,
@@ -34,59 +35,20 @@ from tdint.studies.store.result_store import Store
 from tdint.units import suffix
 
 _STATUS = Column.named("status", "status of the run", TEXT)
-_STATE = Column.named(
-    "state",
-    "damage state by comparison with the median thresholds, none below the first; collapsed or "
-    "failed-story if the run ended so; empty without a result",
-    TEXT,
-)
-TYPE = Column.named(
-    "type", "building type: Hazus type with design level, or name of the model", TEXT
-)
-LEVEL = Column.named(
-    "level",
-    "value of the intensity measure in SI units, or scale factor of the ground motions, or number "
-    "of the scale factor if each ground motion has its own factors",
-)
-COUNTS = (
-    Column.named("buildings", "number of buildings of the type, the sum of the column number"),
-    Column.named("rows", "number of rows of the inventory with these buildings"),
-    Column.named(
-        "runs", "number of runs; a pair counts as one unless its components count separately"
-    ),
-    Column.named(
-        "failed", "number of runs without a result; they are excluded from the other columns"
-    ),
-)
+(_STATE,) = declared("damage.state")
+(TYPE,) = declared("damage.type")
+(LEVEL,) = declared("damage.level")
+COUNTS = declared("damage.counts")
 LOSS = Column("loss_ratio", "1", "loss.value", "mean loss ratio")
 TYPES = (
     TYPE,
     LEVEL,
     *COUNTS,
-    Column(
-        "state",
-        TEXT,
-        lambda group: np.array(group.states.outcomes, dtype=object),
-        "none, a damage state or a type of collapse; their probabilities sum to 1",
-    ),
-    Column("probability", "1", "probability.value", "mean probability over runs and buildings"),
-    Column(
-        "probability_error",
-        "1",
-        "probability.error",
-        "standard error of probability over the ground motions",
-    ),
+    *declared("damage.types", state=lambda group: np.array(group.states.outcomes, dtype=object)),
 )
 """Columns of damage-types.csv."""
 
-_MONEY = (
-    Column.named(
-        "value", "value of the buildings with a result: sum of cost times number in the inventory"
-    ),
-    Column("loss", "1", "money.value", "mean total loss of these buildings, in the unit of cost"),
-    Column("loss_error", "1", "money.error", "standard error of loss over the ground motions"),
-    Column.named("rows_with_cost", "number of rows of the inventory with a result and a cost"),
-)
+_MONEY = declared("damage.money")
 """Columns of an inventory with costs."""
 
 LOSSES = (
@@ -94,18 +56,7 @@ LOSSES = (
     Column.named("building", "name of the building; empty for the complete type", TEXT),
     *TYPES[1:6],
     LOSS,
-    Column(
-        "loss_ratio_error",
-        "1",
-        "loss.error",
-        "standard error of loss_ratio over the ground motions",
-    ),
-    Column(
-        "loss_ratio_sd",
-        "1",
-        "loss_sd",
-        "standard deviation of the loss ratio of one building under one ground motion",
-    ),
+    *declared("damage.losses"),
 )
 """Columns of losses.csv."""
 
@@ -270,11 +221,12 @@ def exceedance_table(store: Store, by: str | None) -> StoreTable:
     """
     loss = _MONEY[1] if has_costs(store) else LOSS
     group_meaning = f"column {by} of the inventory; empty for all buildings"
-    columns = (
+    rate, exceedance_rate, *annual_losses = declared("damage.exceedance")
+    table_columns = (
         *((Column(by, "text", "part", group_meaning),) if by else ()),
         LEVEL,
         EVENT,
-        Column.named("rate", "annual rate of the event"),
+        rate,
         loss,
         Column(
             f"{loss.name}_error",
@@ -291,12 +243,7 @@ def exceedance_table(store: Store, by: str | None) -> StoreTable:
             )
             for name, assumption in _CORRELATIONS
         ),
-        Column(
-            "exceedance_rate",
-            "1",
-            "exceedance",
-            "annual rate of exceedance of the loss, from the mean losses of the events",
-        ),
+        exceedance_rate,
         *(
             Column(
                 f"exceedance_rate_{name}",
@@ -307,20 +254,9 @@ def exceedance_table(store: Store, by: str | None) -> StoreTable:
             )
             for name, assumption in _CORRELATIONS
         ),
-        Column(
-            "annual_loss",
-            "1",
-            "annual",
-            "rate times loss; the sum over the events is the average annual loss",
-        ),
-        Column(
-            "cumulative_annual_loss",
-            "1",
-            "cumulative",
-            "sum of annual_loss from the first row to this row",
-        ),
+        *annual_losses,
     )
-    return StoreTable(with_pair_demand(store, columns), _exceedance_rows(store, by))
+    return StoreTable(with_pair_demand(store, table_columns), _exceedance_rows(store, by))
 
 
 _CORRELATIONS = (

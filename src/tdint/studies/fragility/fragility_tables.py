@@ -9,17 +9,13 @@ from typing import Any
 import numpy as np
 
 from tdint.output.tables.table import PAIR_DEMAND, TEXT, Cell, Column, Table
+from tdint.studies.columns import declared
 from tdint.studies.fragility.fragility_function import BINS, Fragility
 from tdint.studies.fragility.measures import MeasureFit
 from tdint.studies.ida.ida_tables import DAMAGE
 
 FRAGILITY_DAMAGE = Column.named("damage", DAMAGE.meaning)
-FRAGILITY_STATES = (
-    Column.named(
-        "type", "building type: class, Hazus type with design level, or name of the model", TEXT
-    ),
-    Column.named("state", "damage state that is reached or exceeded", TEXT),
-)
+FRAGILITY_STATES = declared("fragility.fragility_states")
 """First columns of functions by type; their errors are over the ground motions."""
 
 FRAGILITY_BUILDING = (
@@ -28,37 +24,7 @@ FRAGILITY_BUILDING = (
 )
 """First columns of functions by building."""
 
-FRAGILITY = (
-    Column.named("threshold", "threshold of the demand"),
-    Column.named("fit", "stripes, ida or cloud", TEXT),
-    Column.named("theta", "median intensity"),
-    Column.named(
-        "beta",
-        "standard deviation of the logarithm of the intensity (record-to-record variability)",
-    ),
-    Column.named(
-        "theta_error",
-        "standard error of ln theta, which is the relative standard error of theta; empty if the "
-        "median is extrapolated or less than three ground motions determine it",
-    ),
-    Column.named("beta_error", "standard error of beta, by the same method"),
-    Column.named(
-        "error_method",
-        "method of the standard errors: jackknife over ground motions (a recording is omitted with "
-        "all its levels), information (observed, of the likelihood), or normal (capacities: beta / "
-        "sqrt(n) and beta / sqrt(2 n)); empty if they are unknown",
-        TEXT,
-    ),
-    Column.named(
-        "motions",
-        "number of ground motions, both components of a recording being one; number of events if "
-        "the runs have events; if the table states neither, of its rows or counted records",
-    ),
-    Column.named("runs", "number of runs, capacities or counted records"),
-    Column.named("censored", "number of runs with only a lower bound of the value"),
-    Column.named("im", "intensity measure, if the table states it", TEXT),
-    Column.named("unit", "unit of the intensity measure, if the table states it", TEXT),
-)
+FRAGILITY = declared("fragility.fragility")
 _LINE = {
     "b0": ("intercept", "intercept of the regression of ln EDP on ln IM"),
     "b1": ("slope", "slope of the regression of ln EDP on ln IM"),
@@ -79,22 +45,24 @@ _LINE = {
 """Attribute of the regression line and meaning of each column of a cloud analysis."""
 
 
-def _value_of_line(attribute: str) -> Callable[[Fragility], float]:
-    """Return a function of a fragility function, which returns an attribute of the regression line;
-    nan for a fragility function that is not from a cloud analysis."""
+def _value_of(path: str, index: int | None = None) -> Callable[[Fragility], float]:
+    """Return a function of a fragility function, which returns the attribute at the path, or an
+    element of it; nan if the function does not have it."""
 
     def value(function: Fragility) -> float:
-        """Return the attribute; nan without it."""
-        owner: Any = function.cloud
-        for name in attribute.split("."):
+        """Return the value; nan without it."""
+        owner: Any = function
+        for name in path.split("."):
             owner = getattr(owner, name, None)
+        if index is not None and owner is not None:
+            owner = owner[index] if index < len(owner) else None
         return np.nan if owner is None else float(owner)
 
     return value
 
 
 CLOUD = tuple(
-    Column(name, "1", _value_of_line(attribute), f"cloud analysis: {meaning}")
+    Column(name, "1", _value_of(f"cloud.{attribute}"), f"cloud analysis: {meaning}")
     for name, (attribute, meaning) in _LINE.items()
 )
 """Columns of the regression line of a cloud analysis."""
@@ -131,24 +99,11 @@ _COUNTS = {
 """Attribute of `Counted` and meaning of each column of a bin, by the end of the column name."""
 
 
-def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float]:
-    """Return a function of a fragility function, which returns an attribute of `Counted` in one of
-    the bins of the intensity, where the runs of a fit are counted.
-    """
-
-    def value(function: Fragility) -> float:
-        """Return the value in the bin; nan if the fragility function has fewer bins."""
-        values = getattr(function.counted, attribute, ())
-        return float(values[bin_index]) if bin_index < len(values) else np.nan
-
-    return value
-
-
 COUNTED = tuple(
     Column(
         f"bin_{bin_index + 1}_{name}",
         "1",
-        _value_in_bin(bin_index, attribute),
+        _value_of(f"counted.{attribute}", bin_index),
         meaning.format(bin_index + 1),
     )
     for bin_index in range(BINS)
@@ -156,57 +111,15 @@ COUNTED = tuple(
 )
 """Last columns: counts in bins of the intensity."""
 
-DRAWS = (
-    Column.named(
-        "beta_within",
-        "root mean square of the beta of each draw of the properties alone; beta is that of all "
-        "draws together; empty if a draw alone determines no function",
-    ),
-    Column.named(
-        "beta_between", "standard deviation of ln theta of the draws; empty like beta_within"
-    ),
-)
+DRAWS = declared("fragility.draws")
 """Columns of functions of several draws of the properties of a building."""
 
-FRAGILITY_TOTAL = Column.named(
-    "beta_total", "beta including the modeling dispersion (--modeling-dispersion)"
-)
+(FRAGILITY_TOTAL,) = declared("fragility.fragility_total")
 
-_RISK = (
-    Column.named("annual_frequency", "mean annual frequency of exceedance by the hazard curve"),
-    Column.named(
-        "annual_frequency_error",
-        "standard error of annual_frequency, from the covariance of ln theta and beta; empty if it "
-        "is unknown",
-    ),
-    Column.named(
-        "probability_50_years", "probability of exceedance in 50 years, 1 - exp(-50 frequency)"
-    ),
-    Column.named(
-        "contributing_im",
-        "median contributing intensity: half of annual_frequency is from lower intensities",
-    ),
-    Column.named(
-        "share_outside",
-        "fraction of annual_frequency from intensities outside the points of the hazard curve, "
-        "where its end slopes are continued",
-    ),
-)
+_RISK = declared("fragility.risk")
 RISK = (
     *_RISK,
-    Column.named("frequency_below", "part of annual_frequency below the first point, 1/year"),
-    Column.named("frequency_above", "part of annual_frequency above the last point, 1/year"),
-    Column.named("above_low", "lower bound of frequency_above for any continuation of the curve"),
-    Column.named("above_high", "upper bound of frequency_above, the last rate of the curve"),
-    Column.named(
-        "risk_targeted_theta",
-        "median collapse intensity with a probability of collapse of 1 % in 50 years, for a "
-        "dispersion of 0.6 (ASCE 7-16 21.2.1.2); it depends on the hazard curve alone",
-    ),
-    Column.named(
-        "risk_targeted_im",
-        "intensity with a conditional probability of collapse of 10 % for risk_targeted_theta",
-    ),
+    *declared("fragility.risk-outside"),
 )
 """Columns of the annual frequency by a hazard curve; frequencies in 1/year."""
 
@@ -313,39 +226,8 @@ def risk_table_of(functions: Sequence[Fragility]) -> Table:
     return Table.of_results(columns, functions)
 
 
-COMPARED = (
-    Column.named("im", "intensity measure, as specified", TEXT),
-    Column.named("unit", "unit of the intensity measure", TEXT),
-    Column.named("runs", "number of completed runs in the regression"),
-    Column.named(
-        "left_out",
-        "number of omitted runs: collapsed, without a result, or without the intensity measure",
-    ),
-    Column.named("slope", "slope of the regression of ln drift ratio on ln IM"),
-    Column.named(
-        "slope_error", "standard error of slope (jackknife over ground motions or events)"
-    ),
-    Column.named("beta", "efficiency: standard deviation of ln drift ratio about the regression"),
-    Column.named("proficiency", "beta divided by slope"),
-    Column.named("r_squared", "squared correlation of the logarithms"),
-)
-DEPENDENCE = (
-    Column.named(
-        "characteristic",
-        "characteristic of the ground motions on which the residuals may depend",
-        TEXT,
-    ),
-    Column(
-        "residual_slope",
-        "1",
-        "slope",
-        "sufficiency: slope of the residuals as a function of the characteristic",
-    ),
-    Column.named(
-        "p_value",
-        "probability of a slope of this size if the residuals do not depend on the characteristic",
-    ),
-)
+COMPARED = declared("fragility.compared")
+DEPENDENCE = declared("fragility.dependence")
 
 
 def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:

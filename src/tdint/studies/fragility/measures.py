@@ -315,8 +315,7 @@ def measure_named(text: str) -> RunMeasure:
 
 
 class RunIntensities:
-    """Reader of the intensities of the runs of a store, building by building in the order of the
-    buildings.
+    """Intensities of the runs of a store.
 
     Both components of a pair have the geometric mean of their intensities, because the hazard
     refers to pairs. If the campaign has scaled the runs to levels of this intensity measure, the
@@ -348,16 +347,17 @@ class RunIntensities:
         # Attribute of `BuildingDamage` with the values; the store contains only Sa(T1) and PGA.
         stored_name = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
         self._stored_name = None if self._is_level else stored_name
-        self._rows: Iterator[tuple[int, list[str]]] = iter(())
+        self._values: dict[tuple[str, ...], float] = {}
         if not (self._is_level or stored_name):
-            # Rows of the file of `tdint campaign --im`, which are read together with the buildings.
+            # Values of the file of `tdint campaign --im`, SI units, by the names of the run
             if not is_file(self._file):
                 raise UsageError(no_measure_message(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
             column_name, unit = column_of(table, measure.column)
-            self._column_index, self._rows = table.header.index(column_name), iter(table.rows)
-            si, self._factor = _UNITS[unit]
+            si, factor = _UNITS[unit]
             self.unit = measure.unit or si
+            values = factor * np.array(table.numbers(column_name, empty=True))
+            self._values = dict(zip(_keys(table), values.tolist(), strict=True))
 
     @property
     def note(self) -> str:
@@ -372,38 +372,32 @@ class RunIntensities:
 
     def of(self, building: BuildingDamage) -> Array:
         """Return the intensity of each run of a building, shape (runs,), SI units; nan if it is
-        unknown. The buildings must be requested in the order of the store.
+        unknown.
 
         Raises
         ------
         ModelError
-            The rows of measures.csv do not match the runs of the store.
+            A run of the store is missing in measures.csv.
         """
         if self._is_level:
             return building.level
         if self._stored_name:
             values = np.array(getattr(building, self._stored_name), float)
         else:
-            values = np.array([self._next_value(building, run) for run in building.keys], float)
+            values = np.array([self._value(building, run) for run in building.keys])
         # The intensity of a pair does not depend on the rule for its demand.
         if self._has_pairs:
             values = geometric_means(building.motion, values)[building.motion]
         return values
 
-    def _next_value(self, building: BuildingDamage, run: Run) -> float:
-        """Return the value in the next row of measures.csv, SI units; nan if the cell is empty.
-        ModelError is raised if the row belongs to another run, or there are no more rows.
-        """
-        # After the last row, the empty row leads to the error below.
-        line, row = next(self._rows, (0, []))
-        # The rows are in the order of the runs, unless the campaign was run again after the table
-        # was written.
-        record_name, component = self._record_names[run.motion]
-        keys = [building.building, record_name, component, f"{run.scale:.12g}", str(run.sample)]
-        if row[: len(_KEYS)] != keys:
-            raise _outdated_measures(f"{self._file}:{line}", keys)
-        text = row[self._column_index] if self._column_index < len(row) else ""
-        return self._factor * float(text) if text else math.nan
+    def _value(self, building: BuildingDamage, run: Run) -> float:
+        """Return the value of a run in measures.csv, SI units; nan if the cell is empty."""
+        names = self._record_names[run.motion]
+        key = (building.building, *names, f"{run.scale:.12g}", str(run.sample))
+        # A run is missing if the campaign was run again after the table was written.
+        if key not in self._values:
+            raise _outdated_measures(str(self._file), key)
+        return self._values[key]
 
 
 LEVEL = "level"

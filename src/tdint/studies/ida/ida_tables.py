@@ -18,6 +18,7 @@ from tdint.output.tables.table import (
     error_columns,
     numbered,
 )
+from tdint.studies.columns import declared
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import (
     Capacity,
@@ -29,13 +30,7 @@ from tdint.studies.ida.ida_curve import (
 
 _RECORD = (
     *NAMED_RECORD_COLUMNS,
-    Column.named(
-        "study.im_name",
-        "intensity measure: sa(T) and sa-avg(T) with the period in s, or a measure that depends "
-        "only on the ground motion, such as pga",
-        "text",
-    ),
-    Column.named("study.measure.unit", "unit of the intensity measure", "text"),
+    *declared("ida.record"),
 )
 """First columns of the tables of an incremental dynamic analysis."""
 
@@ -48,27 +43,15 @@ def _run_values(name: str) -> Callable[[Any], Any]:
 
 IDA = (
     *_RECORD,
-    Column("level", "1", numbered("curve.runs"), "number of the intensity level, from the lowest"),
-    Column("im", "1", _run_values("im"), "intensity"),
-    Column("scale", "1", _run_values("scale"), "scale factor of the record"),
-    Column("status", "text", _run_values("status"), "status of the run"),
-    Column(
-        "peak_drift_ratio",
-        "1",
-        _run_values("drift_ratio"),
-        "maximum over the stories of peak drift divided by story height",
-    ),
-    Column(
-        "peak_absolute_acceleration_m_s2",
-        "m/s^2",
-        _run_values("acceleration"),
-        "maximum absolute acceleration over the floors",
-    ),
-    Column(
-        "residual_drift_ratio",
-        "1",
-        _run_values("residual_drift_ratio"),
-        "maximum over the stories of residual drift divided by story height",
+    *declared(
+        "ida.ida",
+        level=numbered("curve.runs"),
+        im=_run_values("im"),
+        scale=_run_values("scale"),
+        status=_run_values("status"),
+        peak_drift_ratio=_run_values("drift_ratio"),
+        peak_absolute_acceleration_m_s2=_run_values("acceleration"),
+        residual_drift_ratio=_run_values("residual_drift_ratio"),
     ),
 )
 _DEMANDS = ("drift_ratio", "acceleration", "residual_drift_ratio")
@@ -84,36 +67,11 @@ INTENSITIES = ("im", "capacity", "lower", "upper", "p16", "median", "p84")
 
 CAPACITIES = (
     *_RECORD,
-    Column.named(
-        "capacity.threshold",
-        "drift ratio; the largest threshold is the collapse drift and represents collapse",
-    ),
-    Column.named(
-        "capacity.capacity",
-        "lowest intensity at which the threshold is exceeded; if censored, a lower bound",
-    ),
-    Column.named("capacity.lower", "next lower intensity level with a run"),
-    Column.named("capacity.upper", "next higher intensity level with a run; empty if censored"),
-    Column.named(
-        "capacity.censored",
-        "true if the threshold was not exceeded up to the largest level",
-        "text",
-    ),
-    Column.named(
-        "curve.resurrection",
-        "true if the building did not collapse at a level above the first collapse: 1.25 or 1.5 "
-        "times its intensity, or a level of the search",
-        "text",
-    ),
+    *declared("ida.capacities"),
 )
 
 
-LIMIT = Column.named(
-    "capacity.limit",
-    "limit of attachments or links in the model, with its performance level; threshold is then "
-    "empty",
-    "text",
-)
+(LIMIT,) = declared("ida.limit")
 
 
 FRACTILES = (
@@ -132,25 +90,7 @@ FRACTILES = (
 """Columns of the fractile curves."""
 
 
-MARGIN = (
-    Column.named("components", "number of components of the ground motions"),
-    Column.named("censored", "number of components without collapse up to the largest level"),
-    Column.named("period", "fundamental period T of Sa and of ssf", "s"),
-    Column.named("median_sa", "median Sa(T) of the components of the normalized set", "m/s^2"),
-    Column.named(
-        "factor", "factor on the normalized set at which half of the components cause collapse"
-    ),
-    Column.named("s_ct", "median collapse intensity, median_sa_m_s2 times factor", "m/s^2"),
-    Column.named("design.s_mt", "intensity of the maximum considered earthquake", "m/s^2"),
-    Column.named("cmr", "collapse margin ratio"),
-    Column.named("ssf", "spectral shape factor"),
-    Column.named("acmr", "adjusted collapse margin ratio, ssf times cmr"),
-    Column.named("design.beta_rtr", "record-to-record dispersion"),
-    Column.named("design.beta_total", "total dispersion"),
-    Column.named("design.acmr_20", "smallest acceptable acmr of each building"),
-    Column.named("design.acmr_10", "smallest acceptable mean acmr of a group"),
-    Column.named("collapse_probability", "probability of collapse at s_mt_m_s2"),
-)
+MARGIN = declared("ida.margin")
 """Columns of the collapse margin by FEMA P-695."""
 
 

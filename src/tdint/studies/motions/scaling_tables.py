@@ -10,31 +10,20 @@ from tdint.output.tables.table import (
     NAMED_RECORD_COLUMNS,
     PERIOD,
     RECORD_COLUMNS,
-    TEXT,
     Column,
     Table,
 )
+from tdint.studies.columns import declared
 from tdint.studies.motions.scaling import Scaling
 from tdint.system import __version__
 
 FACTORS = (
     *RECORD_COLUMNS,
-    Column.named("factor", "scale factor of the record, equal for both components of a pair"),
-    Column.named(
-        "target",
-        "target of the scaling: spectrum as on the command line, or intensity measure and value",
-        TEXT,
-    ),
-    Column.named("rule", "rule of the scaling", TEXT),
-    Column.named("version", "version of tdint that computed the factors", TEXT),
+    *declared("scale.factors"),
 )
 
 SCALED = (
-    Column.named(
-        "curve",
-        "`scaled`: scaled ground motion; `mean`: mean of the scaled ground motions; `target`",
-        TEXT,
-    ),
+    *declared("scale.scaled"),
     *NAMED_RECORD_COLUMNS,
     PERIOD,
     Column.named("psa", "pseudo-acceleration", "m/s^2"),

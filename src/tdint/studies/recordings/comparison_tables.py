@@ -11,44 +11,18 @@ from tdint.arrays import Array
 from tdint.model.definition import Model
 from tdint.output.summary import input_of, inputs_summary, model_input, schema, versions
 from tdint.output.tables.buildings import COMPARISON_SPECTRA, of_event
-from tdint.output.tables.table import FLOOR, TEXT, Column, Table
+from tdint.output.tables.table import FLOOR, Column, Table
+from tdint.studies.columns import declared
 from tdint.studies.recordings.compare import Comparison
 from tdint.studies.recordings.fit import Fit, FittedValue
 from tdint.units import SI, OutputUnits
 
 COMPARISON = (
     FLOOR,
-    Column.named("quantity", "absolute acceleration, or displacement relative to the base", TEXT),
-    Column.named(
-        "correlation", "Pearson correlation coefficient of the computed and the recorded response"
-    ),
-    Column.named(
-        "peak_ratio",
-        "maximum absolute computed value divided by the maximum absolute recorded value",
-    ),
-    Column.named(
-        "rms_difference",
-        "root mean square of the difference divided by the root mean square of the recording",
-    ),
+    *declared("compare.comparison"),
 )
 
-FITTED = (
-    Column("parameter", "text", "name", "fitted parameter, with its unit"),
-    Column(
-        "place",
-        "1",
-        "number",
-        "story or mode of the parameter, from 1; empty if it applies to the whole building",
-    ),
-    Column.named("start", "value in the model file"),
-    Column("fitted", "1", "value", "value with the best agreement with the recording"),
-    Column("lower_bound", "1", "low", "lower bound of the fit"),
-    Column("upper_bound", "1", "high", "upper bound of the fit"),
-    Column.named(
-        "standard_error",
-        "standard error of the fitted value if the differences are independent; inf: unknown",
-    ),
-)
+FITTED = declared("compare.fitted")
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:

@@ -6,33 +6,18 @@ from collections.abc import Sequence
 
 from tdint.output.tables.table import TEXT, Column, Table
 from tdint.studies.campaign.campaign_tables import with_level
+from tdint.studies.columns import declared
 from tdint.studies.sensitivity.sensitivity import ParameterEffect, rank_correlations
 from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits
 
-_PEAK = (
-    Column(
-        "quantity",
-        "text",
-        lambda result: result.quantity.called or result.quantity.name,
-        "peak response: median over the ground motions",
-    ),
-    Column.named("quantity.unit", "unit of the quantity", TEXT),
+_PEAK = declared(
+    "sensitivity.peak", quantity=lambda result: result.quantity.called or result.quantity.name
 )
 PARAMETER_EFFECTS: tuple[Column, ...] = (
     Column.named("building", "name of the building", TEXT),
     *_PEAK,
-    Column.named("parameter", "parameter that is changed while others are constant", TEXT),
-    Column.named("low", "low value of the parameter"),
-    Column.named("high", "high value of the parameter"),
-    Column.named("at_low", "peak response with the low value"),
-    Column.named("as_it_is", "peak response of the unchanged building"),
-    Column.named("at_high", "peak response with the high value"),
-    Column.named(
-        "effect",
-        "difference of the peak responses at the two values divided by the peak response of the "
-        "unchanged building",
-    ),
+    *declared("sensitivity.parameter_effects"),
 )
 """Columns of the effects of parameters (sensitivity)."""
 
@@ -43,15 +28,9 @@ def parameter_effect_table(effects: Sequence[ParameterEffect], units: OutputUnit
 
 
 CORRELATIONS = (
-    Column.named("building", "name of the building", TEXT),
-    Column.named(
-        "scale",
-        "scale factor of the ground motions; empty if ground motions have different factors",
-    ),
+    *declared("sensitivity.correlations-1"),
     *_PEAK,
-    Column.named("parameter", "parameter that the sweep varied", TEXT),
-    Column("rank_correlation", "1", "coefficient", "Spearman rank correlation over the variations"),
-    Column.named("draws", "number of variations with a peak response"),
+    *declared("sensitivity.correlations-2"),
 )
 """Columns of the rank correlations of a sweep."""
 
