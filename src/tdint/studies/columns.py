@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tdint.output.tables.columns import Declared
+from tdint.output.tables.columns import ColumnFile
 
-declared = Declared(__file__)
+declared = ColumnFile(__file__)

@@ -15,7 +15,7 @@ from typing import Any
 from tdint.output.tables.table import Column
 
 
-class Declared:
+class ColumnFile:
     """Columns that a CSV file declares.
 
     Parameters
@@ -55,5 +55,5 @@ def _tables(file: Path) -> dict[str, list[Column]]:
     return tables
 
 
-declared = Declared(__file__)
+declared = ColumnFile(__file__)
 """Columns of the tables of this package."""

@@ -36,16 +36,7 @@ from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.studies.campaign.reader import load_campaign
 from tdint.studies.campaign.story_profiles import profiles
-from tdint.studies.store import schema
-from tdint.studies.store.opening import (
-    obstacle_to_reuse,
-    open_existing,
-    open_replacement,
-    open_store,
-    open_written,
-    remove_store,
-    replacement_of,
-)
+from tdint.studies.store import opening, schema
 from tdint.studies.store.result_store import (
     FILE,
     INVENTORY_CHANGED,
@@ -358,7 +349,7 @@ def campaign(
         if folder is not None:
             schema.refuse_network(Path(folder))
             stack.enter_context(schema.locked(Path(folder)))
-        opened_store, _ = open_store(None if folder is None else Path(folder), plan)
+        opened_store, _ = opening.open_store(None if folder is None else Path(folder), plan)
         store = stack.enter_context(opened_store)
         engine = threads(processors() if jobs is None else jobs)
         # After an interrupt only chunks in progress are lost; completed runs are returned if
@@ -422,7 +413,7 @@ def merge(
     # Open the stores sequentially: the files of a thousand shards cannot all be open at a time.
     parts: list[_Part] = []
     for directory in folders:
-        with open_existing(directory) as source:
+        with opening.open_existing(directory) as source:
             parts.append(_read_part(directory, source))
         _check_same_campaign(parts[0], parts[-1])
     # Chunks that an earlier call has copied to the target are not missing.
@@ -432,7 +423,7 @@ def merge(
         raise AnalysisError(f"{missing_text}; add their directories, or use --partial")
     # The target can be one of the directories; its store contains its own runs already.
     sources = [part for part in parts if not (is_there(file) and file.samefile(part.folder / FILE))]
-    store, name = open_written(file), str(file)
+    store, name = opening.open_written(file), str(file)
     with schema.closed_on_failure(store.connection), schema.sqlite_errors_reported(name):
         _copy_buildings(sources, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
@@ -462,7 +453,7 @@ def _read_target(target: Path, first: _Part, overwrite: bool) -> tuple[Path, lis
     file, earlier = target / FILE, list[_Part]()
     try:
         # UsageError: the directory does not exist, or contains no campaign.
-        with suppress(UsageError), open_existing(target) as store:
+        with suppress(UsageError), opening.open_existing(target) as store:
             earlier.append(_read_part(target, store))
         for part in earlier:
             _check_same_campaign(part, first)
@@ -474,8 +465,8 @@ def _read_target(target: Path, first: _Part, overwrite: bool) -> tuple[Path, lis
             ) from None
         if not overwrite:
             raise
-        remove_store(replacement_of(file))
-        return replacement_of(file), []
+        opening.remove_store(opening.replacement_of(file))
+        return opening.replacement_of(file), []
     return file, earlier
 
 
@@ -681,16 +672,16 @@ def reuse_results(folder: Path, plan: Plan) -> str:
     if not is_there(file):
         return ""
     identity = Identity.of(plan, None)
-    with open_written(file) as old:
+    with opening.open_written(file) as old:
         if is_empty(old) or identity.fingerprint == old.meta("fingerprint"):
             return ""
-        if obstacle := obstacle_to_reuse(old, identity):
+        if obstacle := opening.obstacle_to_reuse(old, identity):
             raise schema.AnotherStudyError(
                 f"{old.name}: --changed cannot keep results: {obstacle}; specify another directory "
                 "with -o, or --overwrite to start again"
             )
         old.remove_invalid_chunks()
-        new, _ = open_replacement(file, identity)
+        new, _ = opening.open_replacement(file, identity)
         with new:
             kept = _copy_results(old, new, plan, identity)
             written = sorted(old.written())

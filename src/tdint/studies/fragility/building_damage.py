@@ -25,17 +25,7 @@ from tdint.model.damage_states import COST, DEMANDS, NUMBER, DamageStates
 from tdint.response.runs.damage import RunDamage, probabilities
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.chunks import Run
-from tdint.studies.motions.pairs import (
-    SEPARATE,
-    Indices,
-    Mean,
-    demands_of_motions,
-    first_runs,
-    indices_of,
-    mean_of_sums,
-    outcomes_of,
-    worst_runs,
-)
+from tdint.studies.motions import pairs
 from tdint.studies.store.result_store import Store
 
 _COLUMNS = {quantity.name: quantity.column for quantity in RUN}
@@ -80,7 +70,7 @@ class BuildingDamage(RunDamage):
     type: str
     period: float
     keys: list[Run]
-    motion: Indices
+    motion: pairs.Indices
     level: Array
     sa: Array
     pga: Array
@@ -141,7 +131,7 @@ def building_damages(
             period=period,
             states=states,
             keys=runs,
-            motion=indices_of((*row[8:], row[3]) for row in rows),
+            motion=pairs.indices_of((*row[8:], row[3]) for row in rows),
             level=np.array([1.0 if row[9] is None else row[9] for row in rows]),
             status=status,
             demand=demand,
@@ -161,11 +151,13 @@ def damage_by_motion(damage: BuildingDamage, pair_demand: str) -> BuildingDamage
     The rule determines the demand of a pair, and the demand determines its damage. Key, level,
     Sa(T1) and PGA are the values of the first component.
     """
-    motion, firsts = damage.motion, first_runs(damage.motion)
-    if firsts.size == motion.size or pair_demand == SEPARATE:
+    motion, firsts = damage.motion, pairs.first_runs(damage.motion)
+    if firsts.size == motion.size or pair_demand == pairs.SEPARATE:
         return damage
-    demand = demands_of_motions(motion, damage.demand, pair_demand)
-    status = [damage.status[run] for run in worst_runs(motion, outcomes_of(damage.status))]
+    demand = pairs.demands_of_motions(motion, damage.demand, pair_demand)
+    status = [
+        damage.status[run] for run in pairs.worst_runs(motion, pairs.outcomes_of(damage.status))
+    ]
     return replace(
         damage,
         keys=[damage.keys[index] for index in firsts],
@@ -273,30 +265,30 @@ class TypeDamage:
                     sums += (weight * deviation) ** 2 / equal, weight * deviation
 
     @cached_property
-    def _means(self) -> Mean:
+    def _means(self) -> pairs.Mean:
         """Means of the probabilities of the outcomes; with losses, also of the loss ratio and its
         square. All are nan without any run with a result."""
         if not self.buildings > 0.0 or not self._sums:
             count = len(self.states.outcomes) + 2 * bool(self.states.losses)
-            return Mean(*np.full((2, count), math.nan))
+            return pairs.Mean(*np.full((2, count), math.nan))
         # The jackknife omits one ground motion (row) at a time.
-        return mean_of_sums(np.array(list(self._sums.values())))
+        return pairs.mean_of_sums(np.array(list(self._sums.values())))
 
     @property
-    def probability(self) -> Mean:
+    def probability(self) -> pairs.Mean:
         """Probability of each outcome."""
         outcome_count = len(self.states.outcomes)
-        return Mean(*(values[:outcome_count] for values in self._means))
+        return pairs.Mean(*(values[:outcome_count] for values in self._means))
 
     @property
-    def loss(self) -> Mean:
+    def loss(self) -> pairs.Mean:
         """Loss ratio: loss divided by value, without costs the mean of the buildings; arrays of a
         single value, nan without losses."""
         if not self.states.losses:
-            return Mean(*np.full((2, 1), math.nan))
+            return pairs.Mean(*np.full((2, 1), math.nan))
         if self.value > 0.0:
-            return mean_of_sums(np.array(list(self._money.values())))
-        return Mean(*(values[-2:-1] for values in self._means))
+            return pairs.mean_of_sums(np.array(list(self._money.values())))
+        return pairs.Mean(*(values[-2:-1] for values in self._means))
 
     @property
     def loss_sd(self) -> float:
@@ -313,14 +305,14 @@ class TypeDamage:
         return float(np.array(list(self._money.values()))[:, 0].sum()) if self._money else math.nan
 
     @property
-    def money(self) -> Mean:
+    def money(self) -> pairs.Mean:
         """Mean loss of all these buildings together; arrays of a single value, nan without
         costs."""
         if not self.value > 0.0:
-            return Mean(*np.full((2, 1), math.nan))
-        return Mean(self.value * self.loss.value, self.value * self.loss.error)
+            return pairs.Mean(*np.full((2, 1), math.nan))
+        return pairs.Mean(self.value * self.loss.value, self.value * self.loss.error)
 
-    def mean_loss(self, *, costs: bool) -> Mean:
+    def mean_loss(self, *, costs: bool) -> pairs.Mean:
         """Return the mean loss of these buildings, in the unit of the costs if the inventory has
         costs, otherwise as a ratio."""
         return self.money if costs else self.loss

@@ -37,6 +37,7 @@ from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
 from tdint.response.runs.damage import exceedance
+from tdint.studies.fragility import measures
 from tdint.studies.fragility.building_damage import (
     BuildingDamage,
     building_damages,
@@ -55,29 +56,7 @@ from tdint.studies.fragility.fragility_function import (
     extrapolated,
     levels_of,
 )
-from tdint.studies.fragility.measures import (
-    LEVEL,
-    RunIntensities,
-    RunMeasure,
-    column_of,
-    combine_pair_intensities,
-    measure_of_campaign,
-    motion_of_rows,
-    motions_if_known,
-    motions_of,
-    over_motions,
-    store_of_table,
-    with_measures,
-)
-from tdint.studies.motions.pairs import (
-    PairRule,
-    demands_of_motions,
-    first_runs,
-    indices_of,
-    outcomes_of,
-    outcomes_of_motions,
-    with_outcomes,
-)
+from tdint.studies.motions import pairs
 from tdint.studies.store.opening import check_chunks, open_existing
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION, suffix
@@ -244,7 +223,7 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     if source != "-" and is_folder(Path(source)):
         file = _table_of_study(Path(source), request.fit)
     table = read_table(file, NEEDS)
-    table = with_measures(table) if request.measure else table
+    table = measures.with_measures(table) if request.measure else table
     table_type = _table_type(table, request.fit)
     result = table_type.fit(table, request)
     # The dispersion of the model is not fitted; it is an attribute of each function.
@@ -427,8 +406,8 @@ def _fit_capacity_rows(
     the place of the function.
     """
     censored = np.array(table.truths("censored"))
-    motion = motions_if_known(table)
-    draw = indices_of(table.texts("draw")) if table.has("draw") else None
+    motion = measures.motions_if_known(table)
+    draw = pairs.indices_of(table.texts("draw")) if table.has("draw") else None
 
     def fit_selected(is_selected: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
         """Fit a function to the capacities that a mask selects; the error if it is impossible."""
@@ -446,7 +425,7 @@ def _fit_capacity_rows(
         has_repeated_motion = motion is not None and np.unique(motion[is_used]).size < np.sum(
             is_used
         )
-        (function,) = over_motions(
+        (function,) = measures.over_motions(
             fit_selected, is_used, motion if has_repeated_motion else None, draw
         )
         if isinstance(function, AnalysisError):
@@ -468,7 +447,9 @@ def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
     names = (table.only("im_name"), table.only("unit"))
     censored = np.array(table.truths("censored"))
-    runs = SuiteRuns(im, edp, motions_if_known(table), np.ones(im.size), names, censored=censored)
+    runs = SuiteRuns(
+        im, edp, measures.motions_if_known(table), np.ones(im.size), names, censored=censored
+    )
     return _fit_thresholds(table, runs, replace(request, fit=CLOUD))
 
 
@@ -517,7 +498,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def notes_of_fits(
-    result: FragilityResult, request: FragilityRequest, rule: PairRule
+    result: FragilityResult, request: FragilityRequest, rule: pairs.PairRule
 ) -> tuple[str, ...]:
     """Return the notes on choices that the user did not make: the rule for pairs, and the cloud."""
     is_cloud = any(function.fit == CLOUD for function in result.functions)
@@ -527,7 +508,7 @@ def notes_of_fits(
     )
 
 
-def _suite_runs(table: CsvTable, request: FragilityRequest) -> tuple[SuiteRuns, PairRule]:
+def _suite_runs(table: CsvTable, request: FragilityRequest) -> tuple[SuiteRuns, pairs.PairRule]:
     """Return the runs of a table of runs of one building, with the components of pairs combined,
     and the rule for pairs."""
     try:
@@ -539,25 +520,25 @@ def _suite_runs(table: CsvTable, request: FragilityRequest) -> tuple[SuiteRuns, 
         ) from None
     column, *names = _intensity_column(table, request)
     im = np.array(table.numbers(column, empty=True))
-    rule, motion_at_level = motion_of_rows(table, request.pair_demand)
+    rule, motion_at_level = measures.motion_of_rows(table, request.pair_demand)
     # The columns `im` and `level` contain the intensity of the pair already.
-    if column not in ("im", LEVEL):
-        im = combine_pair_intensities(table, im)
-    firsts = first_runs(motion_at_level)
+    if column not in ("im", measures.LEVEL):
+        im = measures.combine_pair_intensities(table, im)
+    firsts = pairs.first_runs(motion_at_level)
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    demand = with_outcomes(
-        demands_of_motions(motion_at_level, drift, rule.demand),
-        outcomes_of_motions(motion_at_level, outcomes_of(table.texts("status"))),
+    demand = pairs.with_outcomes(
+        pairs.demands_of_motions(motion_at_level, drift, rule.demand),
+        pairs.outcomes_of_motions(motion_at_level, pairs.outcomes_of(table.texts("status"))),
     )
     demand[~(demand > 0.0)] = math.nan  # runs without a drift ratio have no result
     has_intensity = im[firsts] > 0.0
     runs = SuiteRuns(
         im[firsts][has_intensity],
         demand[has_intensity],
-        motions_of(table)[firsts][has_intensity],
+        measures.motions_of(table)[firsts][has_intensity],
         np.ones(int(np.sum(has_intensity))),
         (names[0], names[1]),
-        has_levels=column == LEVEL,
+        has_levels=column == measures.LEVEL,
     )
     if np.isnan(runs.demand).all():
         raise ModelError(
@@ -578,18 +559,18 @@ def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, 
     """
     if request.measure is None and table.has("im"):
         return "im", table.only("im_name"), table.only("unit")
-    with store_of_table(table) as store:
-        measure = measure_of_campaign(store, request.measure)
+    with measures.store_of_table(table) as store:
+        measure = measures.measure_of_campaign(store, request.measure)
         periods = dict(store.first_periods()) if store is not None else {}
     name = measure.label(periods.get(table.only("building")))
-    if measure.column == LEVEL and table.has(LEVEL):
-        return LEVEL, name, measure.unit
+    if measure.column == measures.LEVEL and table.has(measures.LEVEL):
+        return measures.LEVEL, name, measure.unit
     has_column = any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION)
     if request.measure is None and not has_column:
         # The column of Sa(T1) is missing. Return its usual title, so that the caller's attempt to
         # read the column raises an error with this title.
         return f"{measure.column}{suffix('m/s^2')}", name, "m/s^2"
-    column, unit = column_of(table, measure.column)
+    column, unit = measures.column_of(table, measure.column)
     return column, name, unit
 
 
@@ -706,7 +687,7 @@ def fit_states(
     is_kept = has_result & ((runs.demand >= request.edp_range[0]) | (selected_fit == STRIPES))
     result: list[Fragility | AnalysisError] = []
     for state_fit, median, probabilities in zip(
-        over_motions(fit, is_kept, runs.motion, runs.draw),
+        measures.over_motions(fit, is_kept, runs.motion, runs.draw),
         medians.tolist(),
         exceeding,
         strict=True,
@@ -854,8 +835,8 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             remedy = "add `damage` to its file and run it again"
             more = ", or specify --threshold" if by == BUILDING or has_draws else ""
             raise UsageError(f"{folder}: this campaign has no damage states; {remedy}{more}")
-        measure = measure_of_campaign(store, request.measure)
-        intensities = RunIntensities(store, folder, measure)
+        measure = measures.measure_of_campaign(store, request.measure)
+        intensities = measures.RunIntensities(store, folder, measure)
         rule = store.pair_rule()
         if request.pair_demand:
             rule = replace(rule, demand=request.pair_demand)
@@ -951,7 +932,7 @@ class _RunCollector:
         building: BuildingDamage,
         im: Array,
         motion_of_record: Mapping[int, int],
-        rule: PairRule,
+        rule: pairs.PairRule,
     ) -> None:
         """Add the runs of a building, or its ground motions if components of pairs are combined.
 
@@ -962,7 +943,7 @@ class _RunCollector:
         # If the components of pairs were combined, `damage` has an entry per group of runs instead
         # of per run. Both runs of a group have the same intensity; use the first.
         if damage is not building:
-            im = im[first_runs(building.motion)]
+            im = im[pairs.first_runs(building.motion)]
         is_used = damage.known & (im > 0.0) & (damage.equal > 0.0)
         motions = [
             motion_of_record[record] if motion_of_record else sample
@@ -972,7 +953,7 @@ class _RunCollector:
         draw = self._draws.setdefault(building.building.rpartition(": ")[2], len(self._draws))
         columns = (
             (self.im, im),
-            (self.demand, with_outcomes(damage.demand, outcomes_of(damage.status))),
+            (self.demand, pairs.with_outcomes(damage.demand, pairs.outcomes_of(damage.status))),
             (self.motion, np.array(motions, np.int64)),
             (self.weight, np.full(im.size, damage.equal)),
             (self.draw, np.full(im.size, draw)),
@@ -983,7 +964,7 @@ class _RunCollector:
         shortest, longest = self.periods
         self.periods = min(shortest, damage.period), max(longest, damage.period)
 
-    def runs(self, measure: RunMeasure, unit: str) -> SuiteRuns:
+    def runs(self, measure: measures.RunMeasure, unit: str) -> SuiteRuns:
         """Return all collected runs as arrays.
 
         `measure` is the intensity measure. Its name in the result contains the first period if all
@@ -997,6 +978,6 @@ class _RunCollector:
             np.frombuffer(self.motion, np.int64),
             np.frombuffer(self.weight, np.float64),
             (measure.label(shortest if is_same_period else None), unit),
-            has_levels=measure.column == LEVEL,
+            has_levels=measure.column == measures.LEVEL,
             draw=np.frombuffer(self.draw, np.int64) if self.has_draws else None,
         )

@@ -32,19 +32,7 @@ from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.number_parsing import LARGEST
 from tdint.response.arguments import between
-from tdint.studies.fragility.fragility_function import (
-    CLOUD,
-    IDA,
-    INFORMATION,
-    NORMAL,
-    NORMAL_95,
-    STRIPES,
-    CloudPoints,
-    CollapseCloud,
-    Fragility,
-    Points,
-    collapse_line,
-)
+from tdint.studies.fragility import fragility_function
 
 _MAX_ITERATIONS = 200
 """Maximum number of Newton iterations. The iteration usually needs fewer than 20."""
@@ -186,7 +174,7 @@ _MIN_DISPERSION = 1e-9
 """Minimum dispersion of capacities. Smaller values are rounding errors of equal capacities."""
 
 
-def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
+def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> fragility_function.Fragility:
     """Fit a lognormal distribution by maximum likelihood to exceedances at intensity levels.
 
     Parameters
@@ -225,12 +213,12 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
             "distribution can be fitted; check the levels, or add records"
         )
     return _function(
-        STRIPES,
+        fragility_function.STRIPES,
         *solution,
         runs=int(np.sum(record_counts)),
         motions=int(np.sum(record_counts)),
-        error_method=INFORMATION,
-        points=Points(im_levels, exceeding_counts / record_counts),
+        error_method=fragility_function.INFORMATION,
+        points=fragility_function.Points(im_levels, exceeding_counts / record_counts),
     )
 
 
@@ -240,7 +228,7 @@ def fit_levels(
     exceeding: Array,
     is_used: NDArray[np.bool_],
     weight: Array | None = None,
-) -> Fragility:
+) -> fragility_function.Fragility:
     """Fit a lognormal distribution to runs at intensity levels (`fit_stripes`).
 
     Parameters
@@ -315,7 +303,9 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
         )
 
 
-def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) -> Fragility:
+def fit_capacities(
+    capacity: Numbers, censored: Sequence[bool] | None = None
+) -> fragility_function.Fragility:
     """Fit a lognormal distribution to capacities: the intensities where the records first exceed a
     threshold.
 
@@ -376,13 +366,13 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
             "censored; add records"
         )
     return _function(
-        IDA,
+        fragility_function.IDA,
         *solution,
         runs=x.size,
         motions=x.size,
         censored=int(np.sum(above)),
         points=empirical(x, above),
-        error_method=INFORMATION if above.any() else NORMAL,
+        error_method=fragility_function.INFORMATION if above.any() else fragility_function.NORMAL,
     )
 
 
@@ -395,7 +385,7 @@ def fit_cloud(
     collapsed: Sequence[bool] | NDArray[np.bool_] | None = None,
     weight: Numbers | None = None,
     dispersion: float = 0.0,
-) -> list[Fragility]:
+) -> list[fragility_function.Fragility]:
     """Fit a fragility function for each threshold to a cloud, by maximum likelihood.
 
     The model is ln EDP = b0 + b1 ln IM + sigma N, where N is a standard normal variable. The
@@ -470,7 +460,7 @@ def fit_cloud(
     scatter = math.hypot(sigma, between(dispersion, "dispersion"))
     # The likelihood has the parameters g0 = b0 / sigma, g1 = b1 / sigma and 1 / sigma. Convert
     # their covariance to the covariance of ln theta and beta = 1 / g1 by the delta method.
-    points = CloudPoints(x, y, above | fell, intercept, slope, sigma)
+    points = fragility_function.CloudPoints(x, y, above | fell, intercept, slope, sigma)
     common_attributes: dict[str, Any] = {
         "runs": x.size,
         "motions": x.size,
@@ -478,14 +468,14 @@ def fit_cloud(
         "cloud": points,
     }
     if fell.any():
-        collapse = collapse_line(x, fell, weights / np.mean(weights))
-        mixture = CollapseCloud(intercept, slope, scatter, *collapse)
+        collapse = fragility_function.collapse_line(x, fell, weights / np.mean(weights))
+        mixture = fragility_function.CollapseCloud(intercept, slope, scatter, *collapse)
         points = replace(points, mixture=mixture, collapsed=int(np.sum(fell)))
         common_attributes["cloud"] = points
         unknown = np.full((2, 2), math.nan)
         return [
-            Fragility(
-                CLOUD,
+            fragility_function.Fragility(
+                fragility_function.CLOUD,
                 *mixture.lognormal(float(threshold)),
                 unknown,
                 threshold=float(threshold),
@@ -504,12 +494,12 @@ def fit_cloud(
         function_covariance = jacobian @ covariance @ jacobian.T
         functions.append(
             _function(
-                CLOUD,
+                fragility_function.CLOUD,
                 ln_theta,
                 1.0 / inverse_beta,
                 function_covariance,
                 threshold=float(threshold),
-                error_method=INFORMATION,
+                error_method=fragility_function.INFORMATION,
                 **common_attributes,
             )
         )
@@ -561,20 +551,20 @@ def _line(
 
 def _function(
     fit: str, ln_theta: float, beta: float, covariance: Array, **attributes: Any
-) -> Fragility:
+) -> fragility_function.Fragility:
     """Create the fragility function of a fit. AnalysisError is raised if the observations do not
     determine the median.
     """
     # The median is not determined if its 95 % confidence interval, widened by the dispersion,
     # exceeds the range of numbers in tables (LARGEST). The comparison is also False for NaN.
-    half_width = NORMAL_95 * math.sqrt(covariance[0, 0])
+    half_width = fragility_function.NORMAL_95 * math.sqrt(covariance[0, 0])
     if not abs(ln_theta) + half_width + beta < math.log(LARGEST):
         raise AnalysisError(
             "the observations do not determine the median: its logarithm is "
             f"{ln_theta:.3g} +- {half_width:.3g} (95 % confidence), with a dispersion of "
             f"{beta:.3g}; add observations"
         )
-    return Fragility(fit, math.exp(ln_theta), beta, covariance, **attributes)
+    return fragility_function.Fragility(fit, math.exp(ln_theta), beta, covariance, **attributes)
 
 
 def _lognormal(
@@ -604,7 +594,7 @@ def _lognormal(
     return float(middle - spread * a / b), float(spread / b), jacobian @ covariance @ jacobian.T
 
 
-def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
+def empirical(capacity: Array, censored: NDArray[np.bool_]) -> fragility_function.Points:
     """Return the empirical distribution of capacities, some of which may be censored (Kaplan and
     Meier 1958).
 
@@ -627,7 +617,7 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
             fractions.append(1.0 - 0.5 * (not_exceeded + next_not_exceeded))
             not_exceeded = next_not_exceeded
         remaining_count -= 1
-    return Points(np.array(im), np.array(fractions))
+    return fragility_function.Points(np.array(im), np.array(fractions))
 
 
 def _check_positive(values: Array, name: str) -> None:

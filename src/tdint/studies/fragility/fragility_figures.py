@@ -23,12 +23,7 @@ from tdint.output.figures.style import (
     titled,
 )
 from tdint.studies.fragility.fragility_function import CloudPoints, Fragility, Points
-from tdint.studies.motions.scaling_figures import (
-    GRAY,
-    add_gravity_axis,
-    measure_label,
-    measure_words,
-)
+from tdint.studies.motions import scaling_figures
 
 _POINTS = 300  # points of a fragility function
 _TYPES_PER_ROW = 4  # panels of building types per row
@@ -166,8 +161,8 @@ def draw_functions(
         else:
             axes.plot([], [], color="0.5", linewidth=0.5, label="95 % confidence")
     axes.set(xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
-    quantity = measure_words(functions[0].im) or "intensity measure"
-    add_gravity_axis(axes, quantity, functions[0].unit, horizontal=True)
+    quantity = scaling_figures.measure_words(functions[0].im) or "intensity measure"
+    scaling_figures.add_gravity_axis(axes, quantity, functions[0].unit, horizontal=True)
     _name_functions(axes, functions, "" if fitted else which)
 
 
@@ -263,7 +258,7 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
         cloud.im[measured],
         cloud.edp[measured],
         s=14,
-        facecolor=GRAY,
+        facecolor=scaling_figures.GRAY,
         edgecolor="0.45",
         linewidth=0.5,
         label="runs",
@@ -291,7 +286,7 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
 
 def _im_label(function: Fragility) -> str:
     """Return the label of the intensity axis: the measure and its unit."""
-    return measure_label(function.im, function.unit)
+    return scaling_figures.measure_label(function.im, function.unit)
 
 
 def _label(function: Fragility, beta_total: float | None = None) -> str:

@@ -45,6 +45,7 @@ from tdint.studies.ida.ida_curve import (
     PairCurve,
     damaged,
 )
+from tdint.studies.motions import pairs
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
     IntensityMeasure,
@@ -52,14 +53,6 @@ from tdint.studies.motions.intensity import (
     factor_to,
     measure_of,
     sa,
-)
-from tdint.studies.motions.pairs import (
-    LARGER,
-    SEPARATE,
-    check_pair_demand,
-    join_pairs,
-    motions_along_axes,
-    suite_text,
 )
 from tdint.studies.store.opening import open_or_create, open_replacement
 from tdint.studies.store.result_store import Identity, Store, as_json
@@ -160,7 +153,7 @@ class IdaStudy(Tabular):
     resumed: int = 0
     remarks: tuple[str, ...] = ()
     checked: bool = False
-    pair_demand: str = LARGER
+    pair_demand: str = pairs.LARGER
     partners: Mapping[int, int] = field(default_factory=dict)
     limits: tuple[Limit, ...] = ()
 
@@ -184,7 +177,7 @@ class IdaStudy(Tabular):
         numbers = [self.partners.get(record, record) for record in range(len(curves))]
         # The records of a building in two directions have two components.
         counts = [1 + isinstance(curve.record, PairRecord) for curve in curves]
-        return suite_text(np.repeat(numbers, counts).tolist())
+        return pairs.suite_text(np.repeat(numbers, counts).tolist())
 
     @property
     def states(self) -> list[IdaStudy]:
@@ -201,7 +194,7 @@ class IdaStudy(Tabular):
     def motion_curves(self) -> tuple[IdaCurve, ...]:
         """Curve of each ground motion, for all states of damage. The two components of a pair have
         a common curve, unless they count separately."""
-        if self.pair_demand == SEPARATE or not self.partners:
+        if self.pair_demand == pairs.SEPARATE or not self.partners:
             return self.curves
         # Index of the second component by the index of the first component
         second_of_first = {first: second for second, first in self.partners.items()}
@@ -320,9 +313,9 @@ def ida(
         motions = [motions]
     subject, settings = _prepare(model_of(model), settings, method)
     # The rule for the demand of a pair does not change its intensity.
-    given_demand, pair_demand = pair_demand, pair_demand or LARGER
-    check_pair_demand(pair_demand)
-    suite = join_pairs([motion_of(motion) for motion in motions])
+    given_demand, pair_demand = pair_demand, pair_demand or pairs.LARGER
+    pairs.check_pair_demand(pair_demand)
+    suite = pairs.join_pairs([motion_of(motion) for motion in motions])
     measure = measure_of(measure) if isinstance(measure, str) else measure or sa(subject.period)
     # A pair is a motion with two records, which have the same intensity; of a building in two
     # directions, it is one record with two components.
@@ -331,7 +324,7 @@ def ida(
     else:
         if mainshock is not None:
             raise UsageError("a study after a main shock requires a building with one direction")
-        along = motions_along_axes(suite_motions(suite), [subject.model], "ida", given_demand)
+        along = pairs.motions_along_axes(suite_motions(suite), [subject.model], "ida", given_demand)
         motions_and_records = [(motion.ground_motion, motion.record) for motion in along]
     records = [record for _, record in motions_and_records]
     _check_record_names([" ".join(filter(None, names)) for names in named_components(records)])

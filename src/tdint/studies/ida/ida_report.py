@@ -9,13 +9,8 @@ import numpy as np
 
 from tdint.errors import AnalysisError
 from tdint.number_parsing import number_text, pluralize
+from tdint.output import report
 from tdint.output.page import Chapter, PageText, Part, Picture, page, page_units
-from tdint.output.report import (
-    method_text,
-    model_chapter,
-    simplifications,
-    unscaled_motions,
-)
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.studies.fragility.fits import fit_capacities
 from tdint.studies.fragility.fragility_function import IDA, Fragility, initial_damage
@@ -82,8 +77,8 @@ def ida_page(
         Chapter("Fractiles of the capacities over the ground motions", (_fractile_table(study),)),
         Chapter("Fitted fragility functions", fits),
         Chapter(f"Capacities of the ground motions, {measure} ({unit})", (capacities, remark)),
-        model_chapter(study.model, units),
-        unscaled_motions([curve.record for curve in states[0].curves], study.model, units),
+        report.model_chapter(study.model, units),
+        report.unscaled_motions([curve.record for curve in states[0].curves], study.model, units),
         Chapter("Methods and assumptions", (_ida_points(study, settings, damping),)),
     ]
     about = (
@@ -263,7 +258,7 @@ def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[
         "levels.",
         f"Intensity measure: {measure_words(study.im_name)}{damping_text}; each ground motion is "
         "scaled by one factor.",
-        f"Time integration: {method_text(study.method)}, {step}; a run without a result is "
+        f"Time integration: {report.method_text(study.method)}, {step}; a run without a result is "
         "repeated with half the time step, up to three times.",
         "Fractiles are computed by rank over the ground motions for each drift ratio.",
         f"Fit of {SOURCES[IDA]}.",
@@ -284,4 +279,4 @@ def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[
             "The building is damaged by a main shock and at rest before each motion; drifts are "
             "relative to the undeformed position."
         )
-    return [*points, *simplifications()]
+    return [*points, *report.simplifications()]

@@ -19,14 +19,8 @@ from tdint.output.tables.table import (
     numbered,
 )
 from tdint.studies.columns import declared
+from tdint.studies.ida import ida_curve
 from tdint.studies.ida.ida import IdaStudy
-from tdint.studies.ida.ida_curve import (
-    Capacity,
-    IdaCurve,
-    PairCurve,
-    capacity_fractiles,
-    fractile_drifts,
-)
 
 _RECORD = (
     *NAMED_RECORD_COLUMNS,
@@ -107,8 +101,8 @@ class _CurveRows:
     record: str
     component: str
     study: IdaStudy
-    curve: IdaCurve
-    capacity: Capacity | None = None
+    curve: ida_curve.IdaCurve
+    capacity: ida_curve.Capacity | None = None
 
 
 def ida_table(study: IdaStudy) -> Table:
@@ -149,12 +143,12 @@ def capacity_table(study: IdaStudy) -> Table:
 def fractile_table(study: IdaStudy) -> Table:
     """Return the fractile curves of the intensities over the ground motions, as in the figure; for
     each state of damage, one row per drift ratio up to the collapse drift."""
-    drifts = fractile_drifts(study.model.collapse_drift)
+    drifts = ida_curve.fractile_drifts(study.model.collapse_drift)
     rows: list[tuple[Cell, ...]] = []
     for state in study.states:
         curves = state.motion_curves
         head = (curves[0].damage, study.im_name, study.measure.unit)
-        values = capacity_fractiles(curves, drifts)
+        values = ida_curve.capacity_fractiles(curves, drifts)
         rows += [
             (*head, drift, *fractiles, len(curves))
             for drift, fractiles in zip(drifts.tolist(), values.T.tolist(), strict=True)
@@ -164,7 +158,7 @@ def fractile_table(study: IdaStudy) -> Table:
     return _with_unit(Table.of(columns, (row[omitted:] for row in rows)), study.measure.unit)
 
 
-def limit_capacities(study: IdaStudy, curve: IdaCurve) -> list[Capacity]:
+def limit_capacities(study: IdaStudy, curve: ida_curve.IdaCurve) -> list[ida_curve.Capacity]:
     """Return the capacities of a curve for the limits of attachments and links; empty for a damaged
     building, whose attachments and links have no results of the record alone."""
     if curve.damage:
@@ -194,7 +188,7 @@ def _with_unit(table: Table, unit: str) -> Table:
     return table._replace(meanings=table.meanings | units)
 
 
-def curve_rows(study: IdaStudy, curves: Iterable[IdaCurve]) -> Iterator[_CurveRows]:
+def curve_rows(study: IdaStudy, curves: Iterable[ida_curve.IdaCurve]) -> Iterator[_CurveRows]:
     """Yield curves of a study with their files and the names of their components.
 
     A pair that counts as a single ground motion has the file name of its first component and the
@@ -210,6 +204,6 @@ def curve_rows(study: IdaStudy, curves: Iterable[IdaCurve]) -> Iterator[_CurveRo
     names = component_names([curve.record for curve in study.curves])
     name_of_curve = dict(zip(map(id, study.curves), names, strict=True))
     for curve in curves:
-        parts = curve.parts if isinstance(curve, PairCurve) else (curve,)
+        parts = curve.parts if isinstance(curve, ida_curve.PairCurve) else (curve,)
         component = "+".join(name_of_curve[id(part)] for part in parts)
         yield _CurveRows(curve.record.source, component, study, curve)

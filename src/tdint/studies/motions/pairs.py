@@ -34,16 +34,8 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.fractiles import fractiles
+from tdint.ground_motion import horizontals
 from tdint.ground_motion.axes import along_axes
-from tdint.ground_motion.horizontals import (
-    Horizontals,
-    at_right_angles,
-    check_components,
-    component_in_name,
-    find_horizontals,
-    motion_names,
-    with_component,
-)
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.status import DONE, FALLEN
@@ -97,7 +89,7 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
         without a partner, both numbers are equal.
     """
     records_of_name: dict[tuple[str, str], list[int]] = defaultdict(list)
-    names = motion_names([name for name, _, _ in records.values()])
+    names = horizontals.motion_names([name for name, _, _ in records.values()])
     codes: dict[int, str] = {}
     for (number, (_, component, _)), name in zip(records.items(), names, strict=True):
         station, codes[number] = station_and_code(component)
@@ -111,9 +103,10 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
         if len(others) == 1:
             (second,) = others
             directions = [
-                codes[number] or component_in_name(records[number][0]) for number in (first, second)
+                codes[number] or horizontals.component_in_name(records[number][0])
+                for number in (first, second)
             ]
-            if at_right_angles(*directions):
+            if horizontals.at_right_angles(*directions):
                 first_component[second] = first
 
     # The second component of a pair that was read as a pair has the direction 2; the first
@@ -202,7 +195,7 @@ class PairRule:
         # Both components of each pair, in the order of the records
         pairs = self.partners.items() if files else ()
         names = [files[number] for pair in pairs for number in reversed(pair)]
-        listed = abbreviate(list(dict.fromkeys(motion_names(names))), _MAX_LISTED_PAIRS)
+        listed = abbreviate(list(dict.fromkeys(horizontals.motion_names(names))), _MAX_LISTED_PAIRS)
         others = " or ".join(other for other in PAIR_DEMANDS if other != self.demand)
         change = f"; --pair-demand {others} changes this" if is_default else ""
         counts = suite_text([*self.recordings.values()])
@@ -233,7 +226,7 @@ def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
     for second, first in rule.partners.items():
         # Components that were read as a pair (direction 2) have been checked by the reader.
         if motions[second].direction != 2:
-            check_components(motions[first].record, motions[second].record)
+            horizontals.check_components(motions[first].record, motions[second].record)
 
 
 def recordings_of(motions: Sequence[SuiteMotion]) -> list[GroundMotion]:
@@ -256,8 +249,8 @@ def _recordings(
         records = [motion for motion in components if isinstance(motion, Record)]
         if len(records) == 2:
             with suppress(*tolerated):
-                result[first] = result[second] = find_horizontals(
-                    [with_component(record, in_degrees=True) for record in records]
+                result[first] = result[second] = horizontals.find_horizontals(
+                    [horizontals.with_component(record, in_degrees=True) for record in records]
                 )
     return result
 
@@ -290,7 +283,7 @@ def motions_along_axes(
         )
     along = []
     for pair in {id(motion): motion for motion in recordings_of(motions)}.values():
-        if not isinstance(pair, Horizontals):
+        if not isinstance(pair, horizontals.Horizontals):
             raise RecordError(
                 f"{pair.source}: buildings with two directions require both horizontal components; "
                 f"the second component of {pair.name} was not found"

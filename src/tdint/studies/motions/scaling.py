@@ -20,18 +20,7 @@ from tdint.ground_motion.record import Record
 from tdint.response.arguments import AnyMotion, motion_of, numbers_of
 from tdint.response.spectra.elastic import SA_DAMPING, checked_periods
 from tdint.response.spectra.target import TargetSpectrum, read_targets
-from tdint.studies.motions.intensity import (
-    GEOMETRIC_MEAN,
-    IntensityMeasure,
-    MotionIntensity,
-    SpectralIntensity,
-    factor_to,
-    measure_of,
-    pga,
-    positive,
-    pseudo_accelerations,
-    sa,
-)
+from tdint.studies.motions import intensity
 from tdint.studies.motions.pairs import join_pairs, suite_text
 from tdint.tabular import Tabular
 
@@ -119,7 +108,7 @@ class Scaling(Tabular):
     rule: str
     pair: str
     damping: float
-    measure: IntensityMeasure | None = None
+    measure: intensity.IntensityMeasure | None = None
     value: float | None = None
     target: TargetSpectrum | None = None
     periods: Array | None = None
@@ -199,10 +188,12 @@ def suite_spectra(
     motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
 ) -> Array:
     """Return the pseudo-accelerations of n motions at k periods, m/s^2, shape (n, k)."""
-    return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
+    return np.array(
+        [intensity.pseudo_accelerations(motion, periods, damping, pair) for motion in motions]
+    )
 
 
-def _check_value(measure: IntensityMeasure, value: float) -> None:
+def _check_value(measure: intensity.IntensityMeasure, value: float) -> None:
     """Raise UsageError if a value of an intensity measure is not a positive number."""
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"{measure.name}: the value must be positive, got {value:g}")
@@ -273,7 +264,7 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
     peak_factor = 1.0
     if rule == "ec8":
         assert target.zero is not None
-        peaks = [pga().of(motion, fitted.pair) for motion in fitted.motions]
+        peaks = [intensity.pga().of(motion, fitted.pair) for motion in fitted.motions]
         peak_factor = target.zero / float(np.mean(fitted.factors * np.array(peaks)))
     # The minimum of the average spectrum divided by the target may be between the specified
     # periods. A lower bound between two periods follows from the maximum slope on logarithmic axes
@@ -327,7 +318,7 @@ def normalization(velocities: Array) -> Array:
 
 def scale_p695(
     pairs: Sequence[GroundMotion],
-    measure: IntensityMeasure | None = None,
+    measure: intensity.IntensityMeasure | None = None,
     value: float | None = None,
     *,
     damping: float = SA_DAMPING,
@@ -347,7 +338,7 @@ def scale_p695(
     RecordError
         A motion is zero.
     """
-    periods = measure.periods if isinstance(measure, SpectralIntensity) else ()
+    periods = measure.periods if isinstance(measure, intensity.SpectralIntensity) else ()
     # The rule requires Sa at a single period; the period (0.0,) is PGA.
     if measure is not None and (len(periods) != 1 or periods == (0.0,)):
         raise UsageError(
@@ -363,12 +354,12 @@ def scale_p695(
         )
     # According to FEMA P-695, this removes the variation of the pairs due to magnitude and
     # distance.
-    velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
+    velocities = np.array([intensity.MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = normalization(velocities)
     if measure is None or value is None:
-        return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping)
+        return Scaling(tuple(pairs), factors, "p695", intensity.GEOMETRIC_MEAN, damping)
     _check_value(measure, value)
-    measure = sa(periods[0], damping)
+    measure = intensity.sa(periods[0], damping)
     # Multiply all normalized factors by a common factor, so that the median Sa of all components
     # equals the value. This preserves the differences between the motions.
     values = [
@@ -377,19 +368,19 @@ def scale_p695(
         for record in components(pair)
     ]
     factors = factors * (value / float(np.median(values)))
-    return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping, measure, value)
+    return Scaling(tuple(pairs), factors, "p695", intensity.GEOMETRIC_MEAN, damping, measure, value)
 
 
 def scale(
     motions: Sequence[AnyMotion],
-    measure: IntensityMeasure | str | None = None,
+    measure: intensity.IntensityMeasure | str | None = None,
     value: float | None = None,
     *,
     target: TargetSpectrum | str | None = None,
     rule: str = "mean",
     periods: Numbers | None = None,
     damping: float = SA_DAMPING,
-    pair: str = GEOMETRIC_MEAN,
+    pair: str = intensity.GEOMETRIC_MEAN,
 ) -> Scaling:
     """Compute factors that scale ground motions to a value of an intensity measure or to a target
     spectrum.
@@ -443,7 +434,9 @@ def scale(
     suite = join_pairs([motion_of(motion) for motion in motions])
     if not suite:
         raise UsageError("scale requires at least one ground motion")
-    intensity_measure = measure_of(measure, damping) if isinstance(measure, str) else measure
+    intensity_measure = (
+        intensity.measure_of(measure, damping) if isinstance(measure, str) else measure
+    )
     if target is not None:
         if intensity_measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
@@ -455,7 +448,7 @@ def scale(
         target_psa = spectrum.at(compared_periods)
         psa = suite_spectra(suite, compared_periods, damping, pair)
         for motion, values in zip(suite, psa, strict=True):
-            positive(float(np.min(values)), "Sa", motion)
+            intensity.positive(float(np.min(values)), "Sa", motion)
         # Least squares of ln Sa, with equal weights of all periods
         factors = np.exp(np.mean(np.log(target_psa) - np.log(psa), axis=1))
         fitted = Scaling(
@@ -470,7 +463,9 @@ def scale(
         raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
     _check_value(intensity_measure, value)
     intensities = [intensity_measure.of(motion, pair) for motion in suite]
-    factors = np.array([factor_to(value, intensity_measure, item) for item in intensities])
+    factors = np.array(
+        [intensity.factor_to(value, intensity_measure, item) for item in intensities]
+    )
     damping = getattr(intensity_measure, "damping", SA_DAMPING)
     return Scaling(tuple(suite), factors, "value", pair, damping, intensity_measure, value)
 

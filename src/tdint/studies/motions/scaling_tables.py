@@ -6,32 +6,26 @@ import numpy as np
 
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import (
-    NAMED_RECORD_COLUMNS,
-    PERIOD,
-    RECORD_COLUMNS,
-    Column,
-    Table,
-)
+from tdint.output.tables import table
 from tdint.studies.columns import declared
 from tdint.studies.motions.scaling import Scaling
 from tdint.system import __version__
 
 FACTORS = (
-    *RECORD_COLUMNS,
+    *table.RECORD_COLUMNS,
     *declared("scale.factors"),
 )
 
 SCALED = (
     *declared("scale.scaled"),
-    *NAMED_RECORD_COLUMNS,
-    PERIOD,
-    Column.named("psa", "pseudo-acceleration", "m/s^2"),
+    *table.NAMED_RECORD_COLUMNS,
+    table.PERIOD,
+    table.Column.named("psa", "pseudo-acceleration", "m/s^2"),
 )
 """Columns of the spectra of a scaled suite."""
 
 
-def factor_table(scaling: Scaling) -> Table:
+def factor_table(scaling: Scaling) -> table.Table:
     """Return the table of the scale factors of a suite, with a row per record (each component of
     a pair has a row)."""
     # Both components of a pair have the same factor.
@@ -42,7 +36,7 @@ def factor_table(scaling: Scaling) -> Table:
     ]
     names = component_names([record for record, _ in rows])
     provenance = (scaling.target_text, scaling.rule, __version__)
-    return Table.of(
+    return table.Table.of(
         FACTORS,
         [
             (record.source, name, factor, *provenance)
@@ -51,7 +45,7 @@ def factor_table(scaling: Scaling) -> Table:
     )
 
 
-def scaled_table(scaling: Scaling) -> Table:
+def scaled_table(scaling: Scaling) -> table.Table:
     """Return the spectra of a scaled suite, their mean and the target, at the periods where mean
     and target were compared.
 
@@ -78,4 +72,4 @@ def scaled_table(scaling: Scaling) -> Table:
     for curve, record, component, psa in curves:
         for period, value in zip(periods.tolist(), psa.tolist(), strict=True):
             rows.append((curve, record, component, period, value))
-    return Table.of(SCALED, rows)
+    return table.Table.of(SCALED, rows)

@@ -11,15 +11,9 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.model.building import assemble
+from tdint.output.figures import style
 from tdint.output.figures.spectrum_curves import log_periods
 from tdint.output.figures.static_curves import COMPUTED, MAX_ROWS, RECORDED, WORST_ROWS
-from tdint.output.figures.style import (
-    LIGHT,
-    is_narrow,
-    mark_first_periods,
-    record_name,
-    titled,
-)
 from tdint.studies.recordings.compare import Comparison, FloorComparison, FloorSpectra
 from tdint.units import SI, OutputUnits
 
@@ -60,7 +54,7 @@ def comparison_picture(
         rows = sorted(rows, key=lambda row: row.floor.correlation)[:WORST_ROWS]
     # A row of panels is 1.55 inches high. If the figure has the width of a column of a page, the
     # panels of a floor are on two lines, and the labels are wrapped to more lines.
-    row_height = 4.4 if is_narrow() else 1.55
+    row_height = 4.4 if style.is_narrow() else 1.55
     height = 1.5 + row_height * len(rows) + (2.6 if has_overview else 0.0)
     figure = Figure(figsize=(7.5, height), layout="constrained")
     upper: Any = figure
@@ -89,16 +83,16 @@ def comparison_picture(
         facts.append(f"recordings shifted by {first.shift:.4g} s")
     if has_overview:
         facts.append(f"the {WORST_ROWS} floors with least agreement; below all {floor_count}")
-    return titled(
+    return style.titled(
         figure,
-        f"{response.model.name} and {record_name(recording.source)}\n{', '.join(facts)}",
+        f"{response.model.name} and {style.record_name(recording.source)}\n{', '.join(facts)}",
     )
 
 
 def _floor_panels(figure: Any, count: int) -> list[list[Any]]:
     """Return the panels of `count` floors: history, close-up and spectra of each floor. In one
     column of a page, the history is above the two other panels."""
-    if not is_narrow():
+    if not style.is_narrow():
         rows = figure.subplots(count, 3, squeeze=False, width_ratios=(2.0, 1.3, 1.5))
         return [list(row) for row in rows]
     grid = figure.add_gridspec(2 * count, 2)
@@ -125,7 +119,7 @@ def _draw_floor(
     """
     comparison, floor, spectra = row
     history, close_up, spectrum = panels
-    event = f"{record_name(comparison.event.recording.source)}, " if name_event else ""
+    event = f"{style.record_name(comparison.event.recording.source)}, " if name_event else ""
     agreement = f"correlation {floor.correlation:.3f}, peak ratio {floor.peak_ratio:.3f}"
     _draw_histories(history, floor, units)
     label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
@@ -136,7 +130,7 @@ def _draw_floor(
     _draw_histories(close_up, floor, units)
     close_up.set_xlim(*_strongest_cycles(comparison))
     # Next to the history, the close-up has its axis.
-    close_up.tick_params(labelleft=is_narrow())
+    close_up.tick_params(labelleft=style.is_narrow())
     for values, color, width in (
         (spectra.recorded, RECORDED, 1.5),
         (spectra.computed, COMPUTED, 0.9),
@@ -145,7 +139,7 @@ def _draw_floor(
     spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
     spectrum.tick_params(axis="x", which="both", labelsize=7.0)
     log_periods(spectrum, spectra.periods)
-    mark_first_periods(spectrum, [("", period)], color="black")
+    style.mark_first_periods(spectrum, [("", period)], color="black")
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
@@ -158,13 +152,13 @@ def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
     for event_number, comparison in enumerate(comparisons, start=1):
         for floor in comparison.floors:
             x = event_number if len(comparisons) > 1 else floor.floor
-            color = "0.15" if floor is comparison.floors[-1] else LIGHT
+            color = "0.15" if floor is comparison.floors[-1] else style.LIGHT
             correlation_axes.plot([x], [floor.correlation], "o", color=color, markersize=3.0)
             ratio_axes.plot([x], [floor.peak_ratio], "o", color=color, markersize=3.0)
     correlation_axes.set_ylabel("correlation")
     correlation_axes.set_title("all floors, the highest dark", loc="left", fontsize=8.5)
     ratio_axes.set_ylabel("peaks, computed\ndivided by recorded")
-    ratio_axes.axhline(1.0, color=LIGHT, linewidth=0.8)
+    ratio_axes.axhline(1.0, color=style.LIGHT, linewidth=0.8)
     ratio_axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
     ratio_axes.set_xlabel(
         "event, in the order of the command line" if len(comparisons) > 1 else "floor"

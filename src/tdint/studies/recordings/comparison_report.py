@@ -6,14 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from tdint.number_parsing import abbreviate, number_text
-from tdint.output import figures
+from tdint.output import figures, report
 from tdint.output.page import Chapter, PageText, Picture, page, page_units
-from tdint.output.report import (
-    assumptions,
-    method_text,
-    model_chapter,
-    unscaled_motions,
-)
 from tdint.output.tables.table import Table
 from tdint.studies.recordings import comparison_tables as comparison
 from tdint.units import OutputUnits
@@ -58,7 +52,7 @@ def comparison_page(
         Values that were fitted to one of the recordings.
     """
     response, units = comparisons[0].response, page_units(units)
-    integration = f"{method_text(response.method)}, time step {response.dt:.6g} s"
+    integration = f"{report.method_text(response.method)}, time step {response.dt:.6g} s"
     band = comparisons[0].event.recording.band
     motions = [item.event.base for item in comparisons]
     chapters = [
@@ -68,9 +62,9 @@ def comparison_page(
             (Picture(draw, "Recorded and computed histories and spectra of the floors"),),
         ),
         Chapter("Fitted", (fitted,) if fitted else ()),
-        model_chapter(response.model, units),
-        unscaled_motions(motions, response.model, units),
-        assumptions(
+        report.model_chapter(response.model, units),
+        report.unscaled_motions(motions, response.model, units),
+        report.assumptions(
             integration,
             (
                 "the error of the time integration was not estimated; the energy imbalance is "

@@ -26,27 +26,10 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, cached_property
 from tdint.csv_table import BLOCK, CsvTable, TextColumn, number, number_error, stream_table
 from tdint.errors import ModelError, ModelFault, UsageError
+from tdint.model import capacity, mdof_lu
 from tdint.model.building_rules import CAPACITY, RULES
-from tdint.model.capacity import (
-    DAMPING_RATIO,
-    UNIT_MASS,
-    CapacityBuilding,
-    CapacityClass,
-    CapacityFacts,
-)
 from tdint.model.definition import RayleighRatio
 from tdint.model.keys.fields import POSITIVE, RATIO, Bounds
-from tdint.model.mdof_lu import (
-    LEVELS,
-    MOST_STORIES,
-    STRUCTURES,
-    USUAL_STORIES,
-    YEARS,
-    ZONES,
-    BuildingFacts,
-    DerivedBuilding,
-    Scatter,
-)
 from tdint.model.plausibility import USUAL, period_range
 from tdint.model.story import Story
 from tdint.model.story_laws import LAWS
@@ -83,15 +66,15 @@ _REQUIREMENTS = (
     f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
 )
 _DESIGN_LEVELS = (
-    {level: level for level in LEVELS}
-    | {f"{level}-code": level for level in LEVELS}
-    | {f"{level[0]}c": level for level in LEVELS}
+    {level: level for level in mdof_lu.LEVELS}
+    | {f"{level}-code": level for level in mdof_lu.LEVELS}
+    | {f"{level[0]}c": level for level in mdof_lu.LEVELS}
 )
 """Design levels by their spellings in inventories: `high`, `high-code` and `hc` are equivalent."""
 
 
 def _columns_of(
-    classes: Mapping[str, CapacityClass] | None,
+    classes: Mapping[str, capacity.CapacityClass] | None,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names of the columns that tdint uses, and of the required columns."""
     return (_COLUMNS, NEEDED) if classes is None else (_CLASS_COLUMNS, NEEDED_WITH_CLASSES)
@@ -118,7 +101,7 @@ class InventoryRow:
     """
 
     id: str
-    facts: BuildingFacts | CapacityFacts
+    facts: mdof_lu.BuildingFacts | capacity.CapacityFacts
     latitude: float | None = None
     longitude: float | None = None
     columns: tuple[str, ...] = ()
@@ -132,7 +115,7 @@ def read_inventory(
     length: float,
     *,
     mass_only: bool = False,
-    classes: Mapping[str, CapacityClass] | None = None,
+    classes: Mapping[str, capacity.CapacityClass] | None = None,
     as_published: bool = False,
     mapping: str | None = None,
 ) -> tuple[InventoryRows, list[ModelFault]]:
@@ -254,7 +237,7 @@ class _Table:
     table: CsvTable
     length: float
     mass_only: bool
-    classes: Mapping[str, CapacityClass] | None
+    classes: Mapping[str, capacity.CapacityClass] | None
     as_published: bool
     columns: list[TextColumn] = field(default_factory=list)
     lines: array[int] = field(default_factory=lambda: array("i"))
@@ -522,9 +505,9 @@ def _read_row(table: _Table, index: int, faults: list[ModelFault]) -> InventoryR
     if len(faults) > earlier_faults:
         return None
     height = values["height"] * table.length if "height" in values else None
-    facts: BuildingFacts | CapacityFacts
+    facts: mdof_lu.BuildingFacts | capacity.CapacityFacts
     if table.classes is None:
-        facts = BuildingFacts(
+        facts = mdof_lu.BuildingFacts(
             structure=values["StructureType"],
             stories=values["NumberOfStories"],
             year=values["YearBuilt"],
@@ -537,14 +520,14 @@ def _read_row(table: _Table, index: int, faults: list[ModelFault]) -> InventoryR
         )
     else:
         building_class = table.classes[values["class"]]
-        facts = CapacityFacts(
+        facts = capacity.CapacityFacts(
             building_class.curve,
             values["NumberOfStories"],
             height,
-            values.get("mass_kg", UNIT_MASS),
+            values.get("mass_kg", capacity.UNIT_MASS),
             building_class.soft_story,
             building_class.degradation,
-            values.get("DampingRatio", DAMPING_RATIO),
+            values.get("DampingRatio", capacity.DAMPING_RATIO),
             table.as_published,
             values["class"],
         )
@@ -589,7 +572,7 @@ def _choice(spellings: Mapping[str, str], text: str) -> str:
     return spellings[text.lower()]
 
 
-def _check_class(name: str, classes: Mapping[str, CapacityClass]) -> None:
+def _check_class(name: str, classes: Mapping[str, capacity.CapacityClass]) -> None:
     """Check that the name of a class is known."""
     if name not in classes:
         names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
@@ -599,10 +582,10 @@ def _check_class(name: str, classes: Mapping[str, CapacityClass]) -> None:
 _CONVERSIONS: Mapping[str, Callable[[str], Any]] = {
     "id": _required,
     "class": _required,
-    "NumberOfStories": partial(_whole_number, 1, MOST_STORIES),
-    "YearBuilt": partial(_whole_number, *YEARS),
-    "StructureType": partial(_choice, {name.lower(): name for name in STRUCTURES}),
-    "seismicZone": partial(_choice, {zone.lower(): zone for zone in ZONES}),
+    "NumberOfStories": partial(_whole_number, 1, mdof_lu.MOST_STORIES),
+    "YearBuilt": partial(_whole_number, *mdof_lu.YEARS),
+    "StructureType": partial(_choice, {name.lower(): name for name in mdof_lu.STRUCTURES}),
+    "seismicZone": partial(_choice, {zone.lower(): zone for zone in mdof_lu.ZONES}),
     "DesignLevel": partial(_choice, _DESIGN_LEVELS),
     **{name: partial(_number_within, bounds) for name, bounds in _NUMBERS.items()},
 }
@@ -629,7 +612,7 @@ class InventoryBuilding:
     """
 
     row: InventoryRow
-    building: DerivedBuilding | CapacityBuilding
+    building: mdof_lu.DerivedBuilding | capacity.CapacityBuilding
 
 
 def derive_all(
@@ -677,12 +660,14 @@ def derive_all(
 
 def derive_row(
     row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
-) -> DerivedBuilding | CapacityBuilding:
+) -> mdof_lu.DerivedBuilding | capacity.CapacityBuilding:
     """Derive the building of one row. `derive_all` describes and checks the parameters."""
     scatter = None
     if stiffness or damping:
         random = np.random.default_rng([seed, *row.id.encode()])
-        scatter = Scatter(_sample_factor(random, stiffness), _sample_factor(random, damping))
+        scatter = mdof_lu.Scatter(
+            _sample_factor(random, stiffness), _sample_factor(random, damping)
+        )
     return RULES[rules](row.facts, scatter)
 
 
@@ -695,7 +680,9 @@ def _sample_factor(random: np.random.Generator, deviation: float) -> float:
     return float(factor)
 
 
-def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: str) -> str:
+def model_text(
+    name: str, building: mdof_lu.DerivedBuilding | capacity.CapacityBuilding, rules: str
+) -> str:
     """Return a model file in SI units without defaults: name, stories, damping and method.
 
     Parameters
@@ -705,7 +692,7 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     """
     description = (
         f"{building.design_level}-code {building.type}"
-        if isinstance(building, DerivedBuilding)
+        if isinstance(building, mdof_lu.DerivedBuilding)
         else building.name
     )
     lines = [
@@ -716,7 +703,7 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     # Write numbers with all significant digits (repr), so that the model file defines exactly the
     # building that is derived by the rules.
     for story in building.stories:
-        if isinstance(building, DerivedBuilding):
+        if isinstance(building, mdof_lu.DerivedBuilding):
             keys = [key.name for key in LAWS[story.law.name].parameters]
             law = {"type": story.law.name} | dict(zip(keys, story.law.parameters, strict=True))
         else:
@@ -868,8 +855,8 @@ def _questions(row: InventoryRow, properties: Callable[..., _Properties]) -> Seq
     """Return the questions about a row. An unusual number of stories or an unusual height is the
     cause of other unusual values, which are then not reported."""
     facts = row.facts
-    if isinstance(facts, BuildingFacts) and facts.structure in USUAL_STORIES:
-        low, high = USUAL_STORIES[facts.structure]
+    if isinstance(facts, mdof_lu.BuildingFacts) and facts.structure in mdof_lu.USUAL_STORIES:
+        low, high = mdof_lu.USUAL_STORIES[facts.structure]
         if not low <= facts.stories <= high:
             usual = f"{low} to {high} stories" if high > low else "one story"
             return [
@@ -901,12 +888,12 @@ _Properties = tuple[float, float, float, float]
 """Period, s, and story height of the rules, largest yield drift and largest ultimate drift, m."""
 
 
-def _properties(rules: str, facts: BuildingFacts | CapacityFacts) -> _Properties:
+def _properties(rules: str, facts: mdof_lu.BuildingFacts | capacity.CapacityFacts) -> _Properties:
     """Return the properties of the building that the rules derive from facts without a height."""
     derived = RULES[rules](facts, None)
     drifts = (
         (derived.yield_drift, derived.ultimate_drift)
-        if isinstance(derived, DerivedBuilding)
+        if isinstance(derived, mdof_lu.DerivedBuilding)
         else (derived.drifts[:, 0], derived.drifts[:, -1])
     )
     yield_drift, ultimate_drift = (float(drift.max()) for drift in drifts)

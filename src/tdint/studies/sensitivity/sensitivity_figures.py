@@ -7,14 +7,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from tdint.output.figures import style
 from tdint.output.figures.runs import QUANTITY_LABELS
-from tdint.output.figures.style import (
-    COLORS,
-    LIGHT,
-    is_narrow,
-    scaled_unit,
-    titled,
-)
 from tdint.studies.sensitivity.sensitivity import ParameterEffect
 from tdint.units import SI, OutputUnits
 
@@ -31,7 +25,7 @@ def sensitivity_picture(
     """
     parameters = len({effect.parameter for effect in parameter_effects})
     # In one column of a page, the four panels are below each other.
-    if is_narrow():
+    if style.is_narrow():
         rows, columns, height = 4, 1, 4 * (1.4 + 0.65 * parameters)
     else:
         rows, columns, height = 2, 2, 2.2 + 0.56 * parameters
@@ -39,7 +33,7 @@ def sensitivity_picture(
     for axes, name in zip(figure.subplots(rows, columns).flat, QUANTITY_LABELS, strict=True):
         effects = [effect for effect in parameter_effects if effect.quantity.name == name]
         _tornado(axes, effects, units)
-    return titled(
+    return style.titled(
         figure,
         f"{parameter_effects[0].building}\n"
         "medians of the peak responses, one parameter changed at a time",
@@ -52,7 +46,7 @@ def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: Out
     if first.quantity.unit == "1":
         factor, unit = 100.0, "%"
     else:
-        factor, unit = scaled_unit(first.as_it_is, first.quantity.unit, units)
+        factor, unit = style.scaled_unit(first.as_it_is, first.quantity.unit, units)
     for row, effect in enumerate(parameter_effects):
         low = (effect.at_low - effect.as_it_is) * factor
         high = (effect.at_high - effect.as_it_is) * factor
@@ -61,8 +55,8 @@ def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: Out
         if abs(low) == abs(high):
             low_order = high_order = 1.5
         for name, width, color, order in (
-            ("low", low, COLORS[0], low_order),
-            ("high", high, COLORS[1], high_order),
+            ("low", low, style.COLORS[0], low_order),
+            ("high", high, style.COLORS[1], high_order),
         ):
             axes.barh(
                 row,
@@ -73,7 +67,7 @@ def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: Out
                 label=f"{name} value" if row == 0 else None,
                 zorder=order,
             )
-    axes.axvline(first.as_it_is * factor, color=LIGHT, linewidth=0.8)
+    axes.axvline(first.as_it_is * factor, color=style.LIGHT, linewidth=0.8)
     names = [
         f"{effect.parameter}\n{effect.low:g} to {effect.high:g}" for effect in parameter_effects
     ]
