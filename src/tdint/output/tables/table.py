@@ -3,8 +3,9 @@
 CSV files are UTF-8 with LF line ends and a header. Numbers have 12 significant digits, Booleans are
 true or false, and a missing value is an empty cell.
 
-Every column is declared one time, in the module of its subject, with its name, unit, value and
-meaning. The name ends with the suffix of the unit (`tdint.units.suffix`). Names of absolute
+Every column is declared one time, with its name, unit, value and meaning: in `columns.csv` of its
+package (`tdint.output.tables.columns`), or in the module of its subject if one of them depends on
+other values. The name ends with the suffix of the unit (`tdint.units.suffix`). Names of absolute
 quantities contain "absolute"; all other quantities are relative to the ground or to the floor
 below. The estimated error of a column is called `<column>_error`.
 """
