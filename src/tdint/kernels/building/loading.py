@@ -146,6 +146,8 @@ class Loaded:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel and return its result, a float or an int (`bind`)."""
+        if len(arguments) != len(self._converters):
+            raise ValueError(f"a kernel of {len(self._converters)} arguments got {len(arguments)}")
         return self.bind(*arguments)()
 
     def bind(self, *last: Any) -> Callable[..., Any]:
