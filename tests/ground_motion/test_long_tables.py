@@ -84,4 +84,4 @@ def test_memory_is_a_few_times_the_samples(tmp_path):
         file.write_text("dt = 0.01 s, units = m/s^2\n" + "".join(rows))
     command = [sys.executable, "-c", MEMORY, str(short), str(long)]
     ratio = float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-    assert ratio < 6.0
+    assert ratio < 5.0

@@ -316,8 +316,8 @@ def _series(common: Series, table: TableColumns, index: int, *, is_single: bool)
     """Return the component in a column, with its units, channel and quantity."""
     names, stated = table.names, table.stated
     declared = stated.units[0] if len(stated.units) == 1 else ""
-    # A copy, so that the numbers of the other columns need not be kept.
-    component = replace(common, samples=table.columns[index].copy())
+    # A copy of one of several columns, so that the numbers of the others need not be kept
+    component = replace(common, samples=np.ascontiguousarray(table.columns[index]))
     if not names:
         # The only component of a table has the declared channel. Otherwise the channel is the
         # number of the column, counted from 1 with the time column, as the user selects it by
