@@ -34,7 +34,7 @@ class Element:
     law: Law
     factor: float = 1.0
 
-    def scale(self, force: int, length: int) -> float:
+    def scale(self, force: int, length: float) -> float:
         """Return the factor from a number along the element to the number in the direction of the
         drift, for the unit force^`force` length^`length`."""
         return float(self.factor ** (force - length))

@@ -284,12 +284,12 @@ def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
 _POINT_DIMENSIONS = {"drift": (0, 1), "force": (1, 0)}  # exponents of force and length
 
 
-def named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
+def named_parameters(law: Law) -> list[tuple[str, int, float, LawParameter]]:
     """Return for each number in the parameters of a law its name, the exponents of force and length
     in its unit, and the declaration of the parameter. Numbers of a list or of points have an index
     in the name, such as `backbone[1].drift`.
     """
-    numbers: list[tuple[str, int, int, LawParameter]] = []
+    numbers: list[tuple[str, int, float, LawParameter]] = []
     for parameter in LAWS[law.name].parameters:
         path = parameter.path
         if parameter.points:
