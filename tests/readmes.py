@@ -23,7 +23,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tdint import assessment, plugin, studies
-from tdint.assessment.examples import example_tables as examples
+from tdint.assessment import tables as examples
 from tdint.assessment.failures.failures import HardProblem, problems
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
@@ -327,18 +327,18 @@ def columns():
         ),
         "tdint fragility --im sa,pga": (*functions.COMPARED, *functions.DEPENDENCE),
         "tdint methods": methods.METHOD,
-        "tdint stability": assessment.stability_tables.STABILITY,
-        "tdint overshoot": assessment.stability_tables.OVERSHOOT,
-        "tdint order": assessment.order_tables.ORDER,
-        "tdint failures": assessment.failure_tables.FAILURE,
+        "tdint stability": assessment.tables.STABILITY,
+        "tdint overshoot": assessment.tables.OVERSHOOT,
+        "tdint order": assessment.tables.ORDER,
+        "tdint failures": assessment.tables.FAILURE,
         "tdint examples": (
             *examples.EXAMPLE,
             examples.rank(lambda run: None),
             examples.OUTCOME,
         ),
         "tdint chart": (
-            assessment.chart_tables.CHART_STORIES,
-            *assessment.chart_tables.CHART,
+            assessment.tables.CHART_STORIES,
+            *assessment.tables.CHART,
         ),
     }
 

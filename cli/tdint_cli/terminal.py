@@ -521,34 +521,21 @@ def _few_files(error: BaseException | None) -> str:
 
 def _missing_resource(error: BaseException | None, options: Collection[str]) -> str:
     """Return a message if an error or one of its causes reports insufficient memory, or a limit of
-    threads and processes; otherwise an empty text. Remedies use the `options` of the command."""
+    threads and processes; otherwise an empty text. `options` are those of the command."""
+    fewer = "use a smaller --jobs, or " if "--jobs" in options else ""
     while error is not None:
         number = getattr(error, "errno", None)
         text = str(error) if isinstance(error, ImportError | OSError | RuntimeError) else ""
         if isinstance(error, MemoryError) or number == errno.ENOMEM or re.search(_NO_MEMORY, text):
-            return _no_memory(options)
+            return f"not enough memory; {fewer}use a smaller model or record"
         # The system refuses to start a process with EAGAIN.
         if number == errno.EAGAIN or _NO_THREAD in text:
-            fewer = "use a smaller --jobs, or " if "--jobs" in options else ""
             return (
                 f"no process or thread can be started; {fewer}raise the limit on processes (ulimit "
                 "-u, pids of a container), or end other programs"
             )
         error = error.__cause__ or error.__context__
     return ""
-
-
-def _no_memory(options: Collection[str]) -> str:
-    """Return the message about insufficient memory, with remedies that the command has."""
-    omitted = [name for name in ("--history", "--plot", "--report") if name in options]
-    remedies = [f"omit {' and '.join(omitted)}"] if omitted else []
-    if "--jobs" in options:
-        remedies.append("use a smaller --jobs")
-    if "--dt" in options:
-        remedies.append("use a larger --dt")
-    if "--period" in options:
-        remedies.append("use fewer periods")
-    return f"not enough memory; {', or '.join([*remedies, 'use a smaller model or record'])}"
 
 
 @contextmanager

@@ -651,33 +651,6 @@ def remove_unfinished() -> None:
             temporary.unlink()
 
 
-def check_disk_space(file: Path, least: float) -> None:
-    """Check before a computation that there is enough disk space for its output.
-
-    Parameters
-    ----------
-    least : float
-        Minimum free space of its disk, bytes.
-
-    Raises
-    ------
-    OutputError
-        There is not enough space. A replaced file is kept until the new one is complete, so its
-        size is not available.
-    """
-    import shutil
-
-    folder = _nearest_folder(file)
-    with _as_output_error(file):
-        free = shutil.disk_usage(folder).free
-    if least > free:
-        raise OutputError(
-            f"{file}: requires at least {least / 1e9:.3g} GB, but "
-            f"{free / 1e9:.3g} GB are free; write fewer time steps (--history-every), "
-            "or use another disk"
-        )
-
-
 def _nearest_folder(file: Path) -> Path:
     """Return the directory of a file, or its nearest parent that exists."""
     folder = file.parent

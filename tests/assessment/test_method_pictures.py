@@ -7,10 +7,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from tdint.assessment.chart.chart_figures import chart_picture
+from tdint.assessment.chart.chart_figures import chart_picture, profile_picture
 from tdint.assessment.chart.performance_profiles import PARTS, Measured, PeakErrors, field_chart
 from tdint.assessment.chart.problem import Errors, Reference
-from tdint.assessment.chart.profile_figures import profile_picture
 from tdint.assessment.chart.work_precision import Chart, Point, Timing
 from tdint.assessment.failures.failure_figures import failure_picture
 from tdint.assessment.failures.failures import Trial

@@ -46,7 +46,7 @@ from tdint import system
 from tdint.assessment.chart import opensees_worker, work_precision
 from tdint.assessment.chart import peers as peers_module
 from tdint.assessment.chart import performance_profiles as profiles
-from tdint.assessment.chart.chart_figures import chart_picture
+from tdint.assessment.chart.chart_figures import chart_picture, profile_picture
 from tdint.assessment.chart.performance_profiles import (
     COARSE,
     METHODS,
@@ -62,7 +62,6 @@ from tdint.assessment.chart.performance_profiles import (
     read_problems,
 )
 from tdint.assessment.chart.problem import FloorMotion, Reference, ending_together
-from tdint.assessment.chart.profile_figures import profile_picture
 from tdint.assessment.chart.work_precision import Chart, PerformanceProfile, Point, within
 from tdint.errors import TdintError
 from tdint.kernels.building.sources import digest_of_all

@@ -6,8 +6,7 @@ import pytest
 
 from cli.conftest import at_a_terminal
 from tdint.output.tables.table import Table
-from tdint_cli.aligned_text import draw
-from tdint_cli.drawing import table_bytes
+from tdint_cli.drawing import draw, table_bytes
 
 NUMBERS = [(1, 0.123456789, None), (2, -1234567.0, None), (10, 0.0, None)]
 

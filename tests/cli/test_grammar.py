@@ -433,19 +433,6 @@ def test_an_option_is_not_used_as_the_value_of_another(folder, tdint):
     tdint(*call, "--units", "m/s^2", "-q", code=0)
 
 
-@pytest.mark.parametrize("name", every(3, COMMANDS))
-def test_replaced_options_are_refused_with_their_replacement(name, tdint):
-    """The message names the replacement if the command has it."""
-    own = {flag for option in PARAMETERS[name] for flag in option.opts}
-    for former, (replacement, _) in grammar._FORMER.items():
-        assert former not in own
-        lines = tdint(name, former, "90mm", code=2).stderr.splitlines()
-        assert len(lines) == 1
-        assert (f"{former} was replaced by {replacement}; use {replacement} " in lines[0]) == (
-            replacement in own
-        ), lines
-
-
 def test_compare_reads_standard_input_only_once(tdint):
     options = ("--fit", "damping", "--blind", "-")
     for model, recorded in (("-", "a.yaml"), ("a.yaml", "-")):

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -407,21 +406,6 @@ def test_lost_energy_causes_a_warning_despite_quiet(folder, tdint):
     assert line.startswith("Warning: the energy imbalance is")
     assert "dissipated by the method" in line
     assert line.removeprefix("Warning: ") in summary_of(folder)["notes"]
-
-
-@pytest.mark.parametrize(("file", "bytes_"), [("h.csv", 6.0), ("h.csv.gz", 2.0)])
-def test_a_history_larger_than_the_free_disk_space_is_refused_before_the_run(
-    folder, tdint, monkeypatch, file, bytes_
-):
-    """The minimum size is computed from the bytes per number for 101 steps with time, ground
-    motion, 2 floors, 2 stories and 8 energies."""
-    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000.0))
-    monkeypatch.setattr(
-        "tdint.response.runs.run.run_case", lambda *_, **__: pytest.fail("it was run")
-    )
-    size = 101 * (2 + 2 * 3 + 2 * 4 + 8) * bytes_ / 1e9
-    message = f"{file}: requires at least {size:.3g} GB, but 1e-06 GB are free"
-    tdint.refused(message, "run", "forced.yaml", f"--history={file}", code=6)
 
 
 def test_a_drift_of_the_baseline_is_reported(folder, tdint):

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 
 from selection import every
 from tdint.assessment.order.order import order
-from tdint.assessment.order.order_figures import order_picture
+from tdint.assessment.stability.stability_figures import order_picture
 from tdint.errors import OutputError
 from tdint.files import write_files
 from tdint.ground_motion.processing_steps import process

@@ -340,10 +340,10 @@ def _chart_many(request: Request) -> None:
         if case.peer_note:
             gap = "" if math.isnan(case.peer_gap) else f" {case.peer_gap:.1e} from the reference,"
             notes.append(f"{case.name}, {case.motion}: openseespy:{gap} {case.peer_note}")
-    table = assessment.chart_tables.profile_table(chart)
+    table = assessment.tables.profile_table(chart)
     request.outputs.deliver(
         table,
-        lambda: assessment.profile_figures.profile_picture(
+        lambda: assessment.chart_figures.profile_picture(
             chart, target=request.target_error, highlight=request.highlight
         ),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
@@ -515,9 +515,9 @@ def _deliver(
         "highlight": request.highlight,
     }
     table = (
-        assessment.chart_tables.sizes_table(charts)
+        assessment.tables.sizes_table(charts)
         if request.stories
-        else assessment.chart_tables.chart_table(charts[0])
+        else assessment.tables.chart_table(charts[0])
     )
 
     def draw() -> Figure:

@@ -165,7 +165,7 @@ def command(request: Request) -> None:
             )
         )
     emit_table(
-        assessment.example_tables.example_table(
+        assessment.tables.example_table(
             [run for example in requested for run in runs[example]], request.reference
         )
     )
@@ -199,14 +199,14 @@ def _files(
     The table contains the runs with all time steps, the figures only the runs with the first time
     step.
     """
-    table = assessment.example_tables.example_table(runs, reference)
+    table = assessment.tables.example_table(runs, reference)
     first_runs = [run for run in runs if run.dt == runs[0].dt]
     contents: list[Content] = [table.csv(), options.output.provenance(table.meanings, SI)]
     if any(run.outcome == "done" and not run.variant for run in first_runs):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
         draw = partial(
-            assessment.example_figures.example_picture,
+            assessment.stability_figures.example_picture,
             title,
             first_runs,
             exact=exact,
@@ -233,7 +233,7 @@ def _general_figures(examples: Sequence[Example], suffix: str) -> dict[str, Cont
         if example.drawn_as:
             title = f"Figure {example.drawn_as}, redrawn: example {example.number}, {example.about}"
             draw_functions[_name(example.drawn_as)] = partial(
-                assessment.example_figures.row_picture, title, example.model
+                assessment.stability_figures.row_picture, title, example.model
             )
     draw_functions[_BETA_SCAN] = _draw_beta_scan
     return {
@@ -263,7 +263,7 @@ def _draw_oscillator_figure(number: int) -> Any:
         measured = [
             observed_order(method, problem) for method in integrators for problem in problems
         ]
-        return assessment.order_figures.order_picture(
+        return assessment.stability_figures.order_picture(
             measured,
             f"Figure {number}: order of accuracy over ω₀ / ω\n",
             thin=len(_THIN_METHODS),

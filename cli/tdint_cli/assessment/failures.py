@@ -56,7 +56,7 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
 
     trials = list(failures(methods or None, problems or ()))
     outputs.deliver(
-        tables.table.Table.of_results(assessment.failure_tables.FAILURE, trials),
+        tables.table.Table.of_results(assessment.tables.FAILURE, trials),
         lambda: assessment.failure_figures.failure_picture(trials),
     )
     # Count the verdicts of each method. The first column is `pass`, the other columns follow in the

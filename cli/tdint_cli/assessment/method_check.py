@@ -11,7 +11,7 @@ def check_methods(plugins: tuple[str, ...]) -> None:
     is raised afterwards if a method contradicts its properties.
     """
     from tdint.assessment.order.order import check_method
-    from tdint.assessment.stability.stability_tables import DECLARATION
+    from tdint.assessment.tables import DECLARATION
     from tdint.methods.catalogue import load_plugin, parse
     from tdint.output.tables.table import Table
     from tdint_cli.drawing import emit_table

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,15 +18,6 @@ from tdint_cli.terminal import note
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
 
-
-class OfMethod(Protocol):
-    """Result of a single method; `method` is the label of the method."""
-
-    @property
-    def method(self) -> str: ...
-
-
-Result = TypeVar("Result", bound=OfMethod)
 
 DT_OVER_T = (1e-6, 1e6)
 """Allowed range of the time step divided by the period of an oscillator. Outside this range the
@@ -114,7 +105,7 @@ class OscillatorRequest:
     draw_all: bool
     outputs: Outputs
 
-    def drawn(self, results: Sequence[Result], names: Sequence[str]) -> Sequence[Result]:
+    def drawn(self, results: Sequence[Any], names: Sequence[str]) -> Sequence[Any]:
         """Return the results to be plotted.
 
         These are all results if --method or --all is specified, otherwise the results of the

@@ -106,8 +106,8 @@ def command(
             failures.append(error)
     if measured:
         outputs.deliver(
-            tables.table.Table.of_results(assessment.order_tables.ORDER, measured),
-            lambda: assessment.order_figures.order_picture(measured),
+            tables.table.Table.of_results(assessment.tables.ORDER, measured),
+            lambda: assessment.stability_figures.order_picture(measured),
         )
         say_table(_summary(measured))
         # The order is NaN if too few errors exceed the rounding errors, because the method is exact

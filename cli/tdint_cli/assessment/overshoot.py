@@ -85,7 +85,7 @@ def command(request: Request) -> None:
     motions = [motion for pair in pairs.values() for motion in pair]
     shown = request.drawn(motions, _DRAWN)
     request.outputs.deliver(
-        tables.table.Table.of_results(assessment.stability_tables.OVERSHOOT, motions),
+        tables.table.Table.of_results(assessment.tables.OVERSHOOT, motions),
         lambda: assessment.stability_figures.overshoot_picture(shown),
     )
     named_pairs = {}

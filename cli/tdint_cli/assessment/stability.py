@@ -72,7 +72,7 @@ def command(request: Request) -> None:
     ]
     shown = curves if scan_methods else request.drawn(curves, _DRAWN)
     request.outputs.deliver(
-        tables.table.Table.of_results(assessment.stability_tables.STABILITY, curves),
+        tables.table.Table.of_results(assessment.tables.STABILITY, curves),
         lambda: assessment.stability_figures.stability_picture(shown, band=request.beta_scan),
     )
     # Report the maximum stable time steps. The limit without damping is computed also, because

@@ -26,8 +26,8 @@ def command(outputs: Outputs) -> None:
     tests/validation in the source tree has all cases with their values, including comparisons with
     other programs and with recordings.
     """
+    from tdint.assessment.tables import VALIDATION
     from tdint.assessment.validation.validation import all_cases, compute_case
-    from tdint.assessment.validation.validation_tables import VALIDATION
     from tdint.output.tables.table import Table
 
     cases = all_cases()

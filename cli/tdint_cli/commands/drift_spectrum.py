@@ -11,8 +11,7 @@ from tdint.errors import UsageError
 from tdint.grids import Grid
 from tdint.response.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint_cli import options
-from tdint_cli.commands.spectrum import make_tables
-from tdint_cli.commands.spectrum_kinds import Results, TablesRequest, TableType
+from tdint_cli.commands.spectrum import Results, TablesRequest, TableType, make_tables
 from tdint_cli.options.option_types import Number
 
 if TYPE_CHECKING:

@@ -142,8 +142,8 @@ def command(
 
     def page() -> bytes:
         """Return the HTML report of the modes, with the notes as sentences."""
-        from tdint.output.building_report import mode_page
         from tdint.output.page import PageText
+        from tdint.output.report import mode_page
 
         record, record_notes = _record(loaded)
         sentences = [f"{text[0].upper()}{text[1:]}." for text in (*notes, *record_notes)]
@@ -181,8 +181,8 @@ def _transfer(model: Model, source: str, outputs: Outputs, units_of_page: Output
 
     def page() -> bytes:
         """Return the HTML report of the transfer functions."""
-        from tdint.output.building_report import transfer_page
         from tdint.output.page import PageText, page_units
+        from tdint.output.report import transfer_page
 
         verdict = [(None, _transfer_sentence(result, page_units(units_of_page)))]
         sentences = [f"{text[0].upper()}{text[1:]}." for text in notes]
@@ -295,8 +295,8 @@ def _peaks(model: Model, target: str, outputs: Outputs, units_of_page: OutputUni
 
     def page() -> bytes:
         """Return the HTML report of the response spectrum analysis."""
-        from tdint.output.building_report import modal_page
         from tdint.output.page import PageText, page_units
+        from tdint.output.report import modal_page
 
         verdict = [(None, _peak_sentence(result, page_units(units_of_page)))]
         sentences = [f"{damping_note[0].upper()}{damping_note[1:]}."]

@@ -164,8 +164,8 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
 
     `targets` contains the target displacements; empty without --target.
     """
-    from tdint.output.building_report import METHOD_NAMES, pushover_page
     from tdint.output.page import PageText, page_units
+    from tdint.output.report import METHOD_NAMES, pushover_page
 
     shown_units = page_units(units)
     verdict: list[tuple[bool | None, str]] = []

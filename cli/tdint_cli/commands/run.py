@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import check_disk_space, is_there, write_files
+from tdint.files import is_there, write_files
 from tdint.ground_motion.origin import matched_clause
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
@@ -56,12 +56,6 @@ if TYPE_CHECKING:
     )
 
 _FIGURE_STEPS = 20_000  # maximum number of time steps in a figure; more are not distinguishable
-_MIN_BYTES = 6.0
-"""Minimum number of bytes of a number in a response history; typically 18."""
-
-_MIN_COMPRESSED_BYTES = 2.0
-"""Minimum number of bytes of a number in a compressed response history; typically 8."""
-
 _MIN_PROBABILITY = 5e-4
 """Probability below which a damage state is omitted from the summary."""
 
@@ -174,6 +168,7 @@ def _run(request: Request) -> None:
     AnalysisError if a limit is exceeded with --require.
     """
     start_time = time.perf_counter()
+    from tdint.response.arguments import number_of
     from tdint.response.runs.outcome import FailedRun
     from tdint.response.runs.run import prepare
 
@@ -207,7 +202,8 @@ def _run(request: Request) -> None:
     # known only after the run.
     is_adaptive = bool(events or request.tolerance or request.until_rest)
     if not is_adaptive:
-        _check_steps(request, case)
+        # An invalid time step or duration is reported before the warnings.
+        case.steps(number_of(request.dt, "dt"), number_of(request.duration, "duration"))
     # Print these warnings before the integration: an incorrect unit can explain a failure, and a
     # smaller time step does not correct it. The records of a sequence are joined by the run, so
     # that their warnings follow after it.
@@ -306,16 +302,6 @@ def _sequence_records(request: Request, model: Model) -> list[Record]:
     return events
 
 
-def _check_steps(request: Request, case: Case) -> None:
-    """Check the time step and the duration of a run, and the disk space for its history."""
-    from tdint.response.arguments import number_of
-
-    dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
-    step_count = case.steps(dt, duration).count
-    if request.history:
-        _check_disk_space(request, case.model, step_count)
-
-
 def _interpret_if_not_compiled(request: Request, case: Case) -> bool:
     """Select interpreted time loops for the start of the run if the compiled ones do not exist yet;
     return True if they are selected."""
@@ -399,16 +385,6 @@ def _record_warnings(record: Record | None) -> list[str]:
     return [f"{record.source}: {text}" for text in record.warnings] if record else []
 
 
-def _check_disk_space(request: Request, model: Model, steps: int) -> None:
-    """Raise OutputError if the disk has not enough space for the response history."""
-    if file := request.history_file:
-        layout = tables.histories.HistoryLayout(len(model.stories), bool(request.check))
-        columns = len(layout.columns) + sum(len(story.elements) for story in model.stories)
-        rows = steps // request.history_every + 1
-        bytes_per_number = _MIN_COMPRESSED_BYTES if file.suffix == ".gz" else _MIN_BYTES
-        check_disk_space(file, rows * columns * bytes_per_number)
-
-
 def _files(
     request: Request,
     response: Response,
@@ -440,7 +416,6 @@ def _files(
             for name, table in part_tables.items():
                 if table:
                     files[folder / f"{prefix}{name}"] = table.in_units(units).csv()
-    _check_disk_space(request, response.model, response.steps)
     if (file := request.history_file) and response.history_chunks:
         # The columns of estimated errors increase the size of the file by half, so that they are
         # written only with --check.
@@ -471,7 +446,7 @@ def _files(
         files[picture] = figures.style.picture(
             picture.suffix,
             lambda: (
-                figures.directions.plan_picture(response, units)
+                figures.runs.plan_picture(response, units)
                 if response.directions
                 else figures.runs.run_picture(_with_history(response), units)
             ),

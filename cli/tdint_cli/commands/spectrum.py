@@ -1,31 +1,693 @@
-"""`tdint spectrum`: response spectra of records, or the table of a target spectrum."""
+"""`tdint spectrum`: a table over the period or the frequency for each record, or the table of a
+target spectrum.
+
+Types of tables: elastic, inelastic, rotated and Fourier spectra, oscillator histories, and
+comparisons with a published spectrum.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import BytesIO
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
 
-from tdint.errors import OutputError, TdintError, UsageError
+from tdint.errors import OutputError, RecordError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
-from tdint.output import figures
+from tdint.grids import Grid
+from tdint.number_parsing import parse_positive
+from tdint.output import figures, tables
+from tdint.output.presentation import PRESENTATIONS
+from tdint.response.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint_cli import options
-from tdint_cli.commands import spectrum_kinds as kinds
-from tdint_cli.commands.spectrum_kinds import AXES, MODES, SpectrumRequest, TablesRequest, TableType
 from tdint_cli.drawing import reading_width, table_bytes
-from tdint_cli.options.grammar import refuse_idle
+from tdint_cli.options import grammar, option_types
+from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.options.option_types import BESIDE
 from tdint_cli.options.output import SUFFIX, Outputs, beside, picture_file
-from tdint_cli.options.record import notes_of_components
+from tdint_cli.options.record import NAMES, RecordsRequest, notes_of_components
 from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tdint.ground_motion.horizontals import PairNames
+    from tdint.ground_motion.record import Record
+    from tdint.output.figures.style import Figure
+    from tdint.output.tables.table import Table
+    from tdint.response.spectra.elastic import Spectrum, SpectrumSettings
+    from tdint.response.spectra.inelastic import InelasticSpectrum
+    from tdint.response.spectra.rotated import RotatedSpectrum
+    from tdint.response.spectra.target import PublishedSpectrum, SpectrumDifference, TargetSpectrum
+    from tdint.units import OutputUnits
+
+
+# ---- This part contains the command lines of `spectrum` and `drift-spectrum`, and the interface of
+# a type of table over the period.
+
+AXES = options.output.option(
+    "--axes",
+    needs="--plot",
+    type=click.Choice(["periods", "tripartite", "adrs"]),
+    rare=True,
+    help="Axes of the figure of elastic spectra: PSA and SD over the period (periods, the "
+    "default), PSV over the period with scales for PSA and SD (tripartite), or PSA over SD (adrs).",
+)
+
+_NOT_SETTINGS = (
+    "choice",
+    "records",
+    "output",
+    "plot",
+    "axes",
+    "jobs",
+    "overwrite",
+    "output_units",
+    "history",
+)
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results that a command computes from a record with one or several components.
+
+    Attributes
+    ----------
+    notes : sequence of str
+        Notes in addition to the notes of the components.
+    """
+
+    lines: Sequence[Any]
+    records: Sequence[Record]
+    notes: Sequence[str] = ()
+
+
+class TableType(Protocol):
+    """A type of table over the period."""
+
+    mode: Mode = Mode("")
+
+    def check(self, request: Any) -> None:
+        """Raise UsageError for options that cannot be used together, before any computation."""
+
+    def gather(self, request: Any, files: Sequence[str]) -> list[tuple[str, ...]]:
+        """Group the files by record; by default each file is a separate record."""
+        return [(file,) for file in files]
+
+    def compute(self, request: Any, records: Sequence[Record]) -> Results:
+        """Compute the results of the components of one record."""
+
+    def table(self, request: Any, lines: Sequence[Any]) -> Table:
+        """Return the table of results; by default the columns that their class declares, with a row
+        for each period, sample or frequency.
+        """
+        return tables.spectra.result_table(lines)
+
+    def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
+        """Return the figure of results; by default the figure of their class."""
+        draw = PRESENTATIONS[type(lines[0]).__name__].picture
+        assert draw, "the class of a table without a figure must not declare --plot"
+        return draw(lines, request.shown_units)
+
+    def remark(self, request: Any, interval: float) -> str:
+        """Return the note that is printed at the end; empty for no note.
+
+        Parameters
+        ----------
+        interval : float
+            Maximum sampling interval of all records, s.
+        """
+        return ""
+
+
+@dataclass(frozen=True, eq=False)
+class TablesRequest(RecordsRequest):
+    """Common part of the command lines that write a table over the period for each record.
+
+    `DEFAULT_PERIODS` is used if no periods are requested.
+    """
+
+    DEFAULT_PERIODS: ClassVar[str] = PERIODS
+
+    damping: tuple[float, ...]
+    periods: tuple[float | Grid, ...] | None
+    output: str | None
+    plot: str | None
+    jobs: int
+    overwrite: bool
+    output_units: OutputUnits | None
+
+    @property
+    def shown_units(self) -> OutputUnits:
+        """The units of tables, figures and JSON files."""
+        from tdint.units import SI
+
+        return self.output_units or SI
+
+    @property
+    def is_folder(self) -> bool:
+        """True if -o names a directory."""
+        return self.output is not None and options.output.is_folder_name(self.output)
+
+    def settings(self) -> dict[str, Any]:
+        """Return all settings that affect the results, for the JSON file; records are not
+        included."""
+        settings = {
+            name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS
+        }
+        return (
+            self.record_settings
+            | settings
+            | {"periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)}
+        )
+
+    def chosen_periods(self) -> NDArray[np.float64]:
+        """Return the requested or the default periods of the spectra, s, as an array."""
+        return options.spectra.chosen_periods(self.periods, self.DEFAULT_PERIODS)
+
+
+def _bandwidth(text: str) -> float:
+    """Parse the bandwidth of a smoothing window; return 0 for 'none'.
+
+    `text` is the bandwidth, a positive number or 'none'.
+    """
+    return (
+        0.0
+        if text.strip().lower() == "none"
+        else parse_positive("the bandwidth of --smoothing", text)
+    )
+
+
+_FOURIER_SETTINGS = ("units", "component", "inventory", "layout", "processing", "scale")
+"""Settings of elastic spectra that Fourier spectra also use."""
+
+
+@options.request
+class SpectrumRequest(TablesRequest):
+    """The command line of `tdint spectrum`."""
+
+    damping: tuple[float, ...] = options.spectra.damping()
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods(
+        PERIODS, " 0 gives the peak ground acceleration."
+    )
+    method: str | None = options.analysis.method
+    maxima: str | None = options.spectra.option(
+        type=click.Choice(["exact", "peer", "samples"]),
+        rare=True,
+        help="Times at which maxima are evaluated: at and between the samples (exact, the "
+        "default), at ten or more time steps per period (peer, as in the spectra of PEER), or only "
+        "at the samples of the record (samples, as in the spectra of USGS). Cannot be used with "
+        "--method. Adds a column.",
+    )
+    interpolation: str | None = options.spectra.option(
+        type=click.Choice(["linear", "band-limited"]),
+        rare=True,
+        help="Interpolation of the ground motion between its samples: linear (default), or "
+        "band-limited (no frequencies above half the sampling rate). Adds a column.",
+    )
+    rotd: tuple[int, ...] | None = options.spectra.option(
+        type=option_types.ListOf(click.IntRange(0, 100)),
+        metavar="P,...",
+        help="Write spectra of two horizontal components instead: percentiles of the "
+        "pseudo-acceleration over all directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+    )
+    pairs: PairNames | None = options.spectra.option(
+        needs="--rotd",
+        type=option_types.pair_names,
+        rare=True,
+        help="Names of the two files of a ground motion, with {} for the common part: "
+        "'{}_N.AT2,{}_E.AT2'.",
+    )
+    ductility: tuple[float, ...] | None = options.spectra.option(
+        type=option_types.ListOf(option_types.Number(1.0, MOST_DUCTILE)),
+        metavar="MU,...",
+        help="Write inelastic spectra instead: the yield strength for each of these ratios of "
+        "maximum to yield displacement (the maximum strength if several strengths give the ratio).",
+    )
+    strength: tuple[float, ...] | None = options.spectra.option(
+        rare=True,
+        type=option_types.ListOf(option_types.Ratio(0.0, min_open=True)),
+        help="Write inelastic spectra instead: the response for each of these ratios of yield "
+        "force to weight.",
+    )
+    reduction: tuple[float, ...] | None = options.spectra.option(
+        rare=True,
+        type=option_types.ListOf(option_types.Number(0.0, min_open=True)),
+        metavar="R,...",
+        help="Write inelastic spectra instead: the response for yield forces that are the maximum "
+        "elastic force at the period divided by each of these factors.",
+    )
+    hardening: float | None = options.spectra.option(
+        needs="--ductility, --strength or --reduction",
+        type=option_types.Ratio(0.0, 1.0, max_open=True),
+        rare=True,
+        help="With --ductility, --strength or --reduction: post-yield stiffness divided by initial "
+        "stiffness; 0 by default (elastoplastic).",
+    )
+    oscillator: tuple[float, ...] | None = options.spectra.option(
+        needs="--history",
+        type=option_types.ListOf(option_types.Number(0.0, min_open=True)),
+        metavar="SECONDS,...",
+        rare=True,
+        help="With --history: write response histories of elastic oscillators of these periods "
+        "instead.",
+    )
+    history: str | None = options.spectra.option(
+        needs="--oscillator",
+        is_flag=False,
+        flag_value=option_types.BESIDE,
+        metavar="",
+        rare=True,
+        help="With --oscillator: write a row for each sample.",
+    )
+    target: str | None = options.spectra.target(
+        "Draw this spectrum with the spectra of the records (--plot) or, without RECORD, write it "
+        "as a table",
+        grammar.SPECTRUM,
+    )
+    against: str | None = options.spectra.option(
+        type=option_types.FileName(),
+        rare=True,
+        help="Write the difference to a published spectrum instead: a CSV file with a header that "
+        "states quantities and units (period_s, psa_g; T (s), SD (cm)). Its periods are used "
+        "unless --period is given.",
+    )
+    against_column: str | None = options.spectra.option(
+        needs="--against",
+        metavar="NAME",
+        rare=True,
+        help="Column of the published spectrum, if the file has several.",
+    )
+    fourier: bool = options.spectra.option(
+        help="Write Fourier amplitude spectra of the acceleration instead."
+    )
+    smoothing: float | None = options.spectra.option(
+        needs="--fourier",
+        type=option_types.Written("bandwidth", _bandwidth),
+        metavar="B|none",
+        rare=True,
+        help="With --fourier: bandwidth of the smoothing window of Konno and Ohmachi; 40 by "
+        "default.",
+    )
+    axes: str | None
+    scale: float | None
+
+    def read(self, file: str) -> list[Record]:
+        """Read the components of a file and multiply them by the factor of --scale."""
+        components = super().read(file)
+        if self.scale is None:
+            return components
+        return [record.scaled(self.scale) for record in components]
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings of all tables, with the defaults that were used."""
+        if self.fourier:
+            settings = super().settings()
+            smoothing = "none" if self.bandwidth is None else self.bandwidth
+            return {name: settings[name] for name in _FOURIER_SETTINGS if name in settings} | {
+                "fourier": True,
+                "smoothing": smoothing,
+            }
+        elastic = self.elastic_settings
+        # A setting that this table does not use is stored as null, not as its default.
+        hardening = None
+        if self.ductility or self.strength or self.reduction:
+            hardening = self.hardening or 0.0
+        return super().settings() | {
+            "method": self.method or "exact",
+            "hardening": hardening,
+            "maxima": elastic.maxima.name,
+            "interpolation": elastic.interpolation.name,
+            "against_sha256": self.read_published_spectrum(self.damping[0]).input.sha256
+            if self.against
+            else None,
+        }
+
+    @property
+    def bandwidth(self) -> float | None:
+        """Bandwidth of the smoothing of Fourier spectra; None for no smoothing."""
+        from tdint.response.spectra.fourier import BANDWIDTH
+
+        return BANDWIDTH if self.smoothing is None else (self.smoothing or None)
+
+    def read_published_spectrum(self, damping: float) -> PublishedSpectrum:
+        """Read the published spectrum for a damping ratio from the file of --against.
+
+        Raises
+        ------
+        RecordError
+            The file cannot be read, or does not contain a valid spectrum for the damping ratio.
+        UsageError
+            The file contains several columns of values, and --against-column is missing.
+        """
+        from tdint.response.spectra.target import read_published
+
+        assert self.against is not None
+        return read_published(self.against, damping, self.against_column)
+
+    @property
+    def target_spectrum(self) -> TargetSpectrum | None:
+        """The target spectrum; None if it is not requested."""
+        if self.target is None:
+            return None
+        from tdint.response.spectra.target import read_target
+
+        return read_target(self.target)
+
+    @property
+    def elastic_settings(self) -> SpectrumSettings:
+        """Settings of the computation of elastic spectra."""
+        from tdint.response.spectra.elastic import choose_settings
+
+        return choose_settings(self.method, self.maxima, self.interpolation)
+
+    @property
+    def specified_settings(self) -> dict[str, Any]:
+        """Values of --maxima and --interpolation that are specified; each has a column of the
+        table."""
+        return {
+            name: value
+            for name in ("maxima", "interpolation")
+            if (value := getattr(self, name)) is not None
+        }
+
+
+# ---- Spectrum kinds
+
+_PERIODS = NAMES | {"damping", "periods", "plot"}
+"""Options of all spectra of records over the period."""
+
+TARGET_ALONE = Mode(
+    "without RECORD",
+    frozenset(("target", "periods", "plot")),
+    {"damping": "give the damping of a design spectrum by name: ec8:...,damping=2%"},
+)
+"""The table of a target spectrum, without records."""
+
+
+class _OscillatorSpectra(TableType):
+    """Spectra over the requested periods, with a note on these periods."""
+
+    def check(self, request: SpectrumRequest) -> None:
+        _ = request.elastic_settings  # raises UsageError if these options exclude each other
+        if request.target_spectrum and not request.plot:
+            raise UsageError(
+                "--target with records requires --plot, because the target spectrum is then only "
+                "drawn in the figure; add --plot, or omit the records to write the target spectrum "
+                "as a table"
+            )
+        if request.target_spectrum and request.axes not in (None, "periods"):
+            raise UsageError(
+                f"--target cannot be used with --axes {request.axes}, because a target spectrum is "
+                "drawn over the period; omit --axes"
+            )
+
+    def remark(self, request: SpectrumRequest, interval: float) -> str:
+        """Return a note on periods that are short for the sampling interval, or too coarse.
+
+        `interval` is the maximum sampling interval of all records, s.
+        """
+        periods = request.chosen_periods()
+        remarks: list[str] = []
+        # At short periods the results depend on the ground motion between the samples.
+        limit = STEPS_PER_PERIOD * interval
+        if any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
+            settings = request.elastic_settings
+            remarks.append(
+                f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) values "
+                "depend on the ground motion between the samples: taken as "
+                f"{settings.interpolation.description}, maxima {settings.maxima.description}"
+            )
+        # The default grid is coarse if its spacing exceeds half the width of a resonance, which is
+        # the damping ratio.
+        if request.periods is None:
+            spacing, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
+            if spacing > damping * (1.0 + 1e-9):
+                remarks.append(
+                    f"the spacing of the periods is {100.0 * spacing:.2g} %: with "
+                    f"{100.0 * damping:.3g} % damping the spectrum may be higher between them; "
+                    "give more periods with --period"
+                )
+        return "; ".join(remarks)
+
+
+class Elastic(_OscillatorSpectra):
+    """Elastic spectra of single components."""
+
+    mode = Mode(
+        "with elastic spectra", _PERIODS | {"method", "maxima", "interpolation", "target", "axes"}
+    )
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """Compute the spectrum of each component for each damping ratio."""
+        from tdint.response.spectra.elastic import spectrum
+
+        periods = request.chosen_periods()
+        lines = [
+            spectrum(record, periods, damping, method=request.method, **request.specified_settings)
+            for record in records
+            for damping in request.damping
+        ]
+        return Results(lines, records)
+
+    def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
+        """Return a table with a row for each spectrum and period."""
+        return tables.spectra.result_table(lines, tuple(request.specified_settings))
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
+        """Return a figure with a line for each spectrum."""
+        axes = request.axes or "periods"
+        return figures.spectrum_curves.spectrum_picture(
+            lines, axes, request.shown_units, request.target_spectrum
+        )
+
+
+class Inelastic(_OscillatorSpectra):
+    """Inelastic spectra of oscillators with bilinear hysteresis, for constant ductility, strength
+    or reduction of the strength."""
+
+    mode = Mode(
+        "with --ductility, --strength or --reduction",
+        _PERIODS | {"ductility", "strength", "reduction"},
+    )
+
+    def check(self, request: SpectrumRequest) -> None:
+        kinds = ("ductility", "strength", "reduction")
+        requested = [f"--{name}" for name in kinds if getattr(request, name)]
+        if len(requested) > 1:
+            raise UsageError(f"{' and '.join(requested)} cannot be used together; use one of them")
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """Compute the spectrum of each component for each damping ratio and each ductility,
+        strength or reduction.
+        """
+        from tdint.response.spectra.inelastic import constant_ductility, constant_strength
+
+        periods = request.chosen_periods()
+        hardening = request.hardening or 0.0
+        spectra: Callable[..., list[InelasticSpectrum]] = constant_strength
+        if request.ductility:
+            values, spectra = request.ductility, constant_ductility
+        elif request.strength:
+            values = request.strength
+        else:
+            values = tuple(1.0 / factor for factor in request.reduction or ())
+            spectra = partial(constant_strength, relative_to="elastic")
+        lines: list[InelasticSpectrum] = []
+        for record in records:
+            for damping in request.damping:
+                lines += spectra(record, periods, values, damping, hardening=hardening)
+        return Results(lines, records)
+
+
+class Fourier(TableType):
+    """Fourier amplitude spectra of single components."""
+
+    mode = Mode("with --fourier", NAMES | {"fourier", "plot"})
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """Compute the spectrum of each component."""
+        from tdint.response.spectra.fourier import fourier_spectrum
+
+        return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
+
+
+class Histories(TableType):
+    """Response histories of oscillators at the samples of single components."""
+
+    mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
+
+    def check(self, request: SpectrumRequest) -> None:
+        if request.history != option_types.BESIDE:
+            raise UsageError(
+                f"--history {request.history}: --history must be given without a file, because the "
+                f"table is written to -o; use -o {request.history} --history"
+            )
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """Compute the response of each oscillator for each damping ratio and each component."""
+        from tdint.response.spectra.elastic import oscillator_motion
+
+        lines = [
+            oscillator_motion(record, period, damping)
+            for record in records
+            for damping in request.damping
+            for period in request.oscillator or ()
+        ]
+        return Results(lines, records)
+
+
+class Rotated(_OscillatorSpectra):
+    """Spectra of two horizontal components over all directions."""
+
+    mode = Mode(
+        "with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"}
+    )
+
+    def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
+        """Group the files by ground motion: files with equal names except for the component.
+
+        The order is the order of the first file of each ground motion. If only two files are given
+        and each has a single horizontal component, they are one ground motion, regardless of their
+        names.
+        """
+        from tdint.ground_motion.horizontals import USUAL, files_of_motions
+
+        result, others = files_of_motions(files, request.pairs or USUAL)
+        if others:
+            note(f"skipped, because the names do not match --pairs: {', '.join(others)}")
+        if (
+            len(files) == len(result) == 2
+            and STDIN not in files
+            and all(_is_single(request, file) for file in files)
+        ):
+            return [tuple(files)]
+        return result
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """Compute the spectra of the two horizontal components of each ground motion for each
+        damping ratio.
+
+        Parameters
+        ----------
+        records : sequence of Record
+            Components of the ground motions of a file or of a group of files.
+        """
+        from tdint.ground_motion.horizontals import USUAL, find_horizontals, recordings
+        from tdint.response.spectra.rotated import rotated_spectrum
+
+        pairs = [*map(find_horizontals, recordings(records, request.pairs or USUAL))]
+        periods = request.chosen_periods()
+        lines = [
+            rotated_spectrum(
+                pair, periods, damping, request.rotd or (), **request.specified_settings
+            )
+            for pair in pairs
+            for damping in request.damping
+        ]
+        return Results(
+            lines,
+            [record for pair in pairs for record in (pair.first, pair.second)],
+            [f"{pair.source}: {note}" for pair in pairs for note in pair.notes],
+        )
+
+    def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
+        """Return a table with a row for each damping ratio and period."""
+        return tables.spectra.rotated_table(lines, tuple(request.specified_settings))
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
+        """Return a figure with a line for each percentile."""
+        return figures.spectrum_curves.rotated_picture(
+            lines, request.shown_units, request.target_spectrum
+        )
+
+
+class Against(TableType):
+    """Elastic spectra compared with a published spectrum."""
+
+    mode = Mode("with --against", _PERIODS | {"against", "method", "maxima", "interpolation"})
+
+    def check(self, request: SpectrumRequest) -> None:
+        """Check the options and the file of the published spectrum before any computation.
+
+        Raises
+        ------
+        UsageError
+            Options cannot be used together, or the file has several columns of values and the
+            option for the column is missing.
+        RecordError
+            The file does not contain a valid spectrum for one of the damping ratios.
+        """
+        # `compute` computes the spectra of the records by `Elastic`, so check its options.
+        Elastic().check(request)
+        # Read the published spectrum only to report errors; `compute` reads it again.
+        for ratio in request.damping:
+            request.read_published_spectrum(ratio)
+
+    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
+        """Compute the spectra of each component for each damping ratio, with the published
+        values.
+        """
+        from tdint.response.spectra.target import differences
+
+        lines: list[SpectrumDifference] = []
+        for ratio in request.damping:
+            # A published spectrum is for a single damping ratio: compare spectra of equal damping.
+            published = request.read_published_spectrum(ratio)
+            ratio_request = replace(request, damping=(ratio,))
+            if request.periods is None:
+                periods = tuple(published.periods.tolist())
+                ratio_request = replace(ratio_request, periods=periods)
+            computed = Elastic().compute(ratio_request, records).lines
+            lines += differences(computed, published)
+        notes = []
+        for line in lines:
+            if line.largest is None:
+                notes.append(f"{line.record.name}: the published spectrum is zero")
+                continue
+            difference, period = line.largest
+            notes.append(
+                f"{line.record.name}, damping {line.damping:g}: maximum difference of "
+                f"{line.published.quantity} to {line.published.source} {100.0 * difference:+.3g} % "
+                f"at {period:.4g} s"
+            )
+        return Results(lines, records, notes)
+
+    def table(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
+        """Return a table with a row for each spectrum and period."""
+        return tables.spectra.difference_table(lines)
+
+    def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Figure:
+        """Return a figure of both spectra and their difference."""
+        return figures.spectrum_curves.difference_picture(lines, request.shown_units)
+
+
+MODES = (
+    TARGET_ALONE,
+    *(table_type.mode for table_type in (Elastic, Inelastic, Fourier, Histories, Rotated, Against)),
+)
+
+
+def _is_single(request: SpectrumRequest, file: str) -> bool:
+    """Return True if a file has exactly one horizontal component."""
+    from tdint.ground_motion.horizontals import is_vertical
+    from tdint.ground_motion.reading.read import channel_records
+
+    try:
+        choice = replace(request.choice.of(file), component=None)
+        records = channel_records(file, choice, single=False)
+    except RecordError:
+        return False  # The error is reported when the file is processed.
+    return sum(not is_vertical(record.component) for record in records) == 1
+
 
 # ---- A table over the period for each record: computation, outputs and messages
 
@@ -302,13 +964,13 @@ def command(request: SpectrumRequest) -> None:
         _write_target(request)
         return
     # Use the first type of table that is requested; the options of the other types are refused.
-    table_type: TableType = kinds.Elastic()
+    table_type: TableType = Elastic()
     choices: tuple[tuple[Any, type[TableType]], ...] = (
-        (request.fourier, kinds.Fourier),
-        (request.against, kinds.Against),
-        (request.ductility or request.strength or request.reduction, kinds.Inelastic),
-        (request.oscillator, kinds.Histories),
-        (request.rotd, kinds.Rotated),
+        (request.fourier, Fourier),
+        (request.against, Against),
+        (request.ductility or request.strength or request.reduction, Inelastic),
+        (request.oscillator, Histories),
+        (request.rotd, Rotated),
     )
     for option_value, requested_type in choices:
         if option_value:
@@ -328,7 +990,7 @@ def _write_target(request: SpectrumRequest) -> None:
             "Missing argument 'RECORD...'. Add record files, or --target SPECTRUM to write the "
             "table of a target spectrum."
         )
-    refuse_idle(kinds.TARGET, MODES)
+    refuse_idle(TARGET_ALONE, MODES)
     if request.is_folder:
         raise UsageError(
             f"-o {request.output}: must be a file, because --target without RECORD writes one table"

@@ -454,12 +454,7 @@ class Command(HelpAsData):
         except click.NoSuchOption as error:
             if error.option_name in DESCRIBED_OPTIONS and "--inventory" in option_names:
                 raise UsageError(self._described_line(ctx, args, error.option_name)) from None
-            new_name, example = _FORMER.get(error.option_name, ("", ""))
-            if new_name not in option_names:
-                raise
-            raise UsageError(
-                f"{error.option_name} was replaced by {new_name}; use {new_name} {example}"
-            ) from None
+            raise
         if not ctx.resilient_parsing:
             self._check_needs(ctx)
         return remaining
@@ -610,14 +605,6 @@ def _with_measures(args: Sequence[str]) -> list[str]:
             result.append(word)
     return result
 
-
-_FORMER = {
-    "--drift-limit": ("--limit", "2%"),
-    "--figure-width": ("--style", "90mm"),
-    "--no-title": ("--style", "title=no"),
-}
-"""Removed options, with the option that replaces each and an example of its value, for the error
-message."""
 
 # The short help contains the first sentences of a docstring and the first clauses of the help of an
 # option. A clause ends with a semicolon or a period outside of parentheses.

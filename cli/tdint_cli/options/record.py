@@ -11,16 +11,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.number_parsing import abbreviate
-from tdint_cli.options import grammar
-from tdint_cli.options.option_types import (
-    PAIRS,
-    FileName,
-    ListOf,
-    Nonzero,
-    Number,
-    PairWish,
-    Written,
-)
+from tdint_cli.options import grammar, option_types
 
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import RecordChoice
@@ -86,17 +77,21 @@ def _sample_units(text: str) -> Any:
     return units_of_text(text)
 
 
-records = click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=FileName())
-records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
+records = click.argument(
+    "records", metavar="RECORD...", nargs=-1, required=True, type=option_types.FileName()
+)
+records_if_any = click.argument(
+    "records", metavar="[RECORD]...", nargs=-1, type=option_types.FileName()
+)
 record = _rare(
     "--record",
-    type=FileName(),
+    type=option_types.FileName(),
     help="Record that replaces the record of the model; the record settings of the model do not "
     "apply to it.",
 )
 units = option(
     "--units",
-    type=Written("name", _sample_units, _units),
+    type=option_types.Written("name", _sample_units, _units),
     metavar="UNITS",
     help="Units of the samples, or units by file: AT2=g,*.mseed=m/s^2; for all files: m/s^2, "
     "cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2, with a factor for the value of one count "
@@ -112,15 +107,15 @@ component = option(
 )
 inventory = _rare(
     "--inventory",
-    type=FileName(),
+    type=option_types.FileName(),
     help="StationXML file for removal of the instrument response, if neither the record file nor "
     "--units specifies the units of the samples.",
 )
 _factor = partial(
     option, "--scale", metavar="FACTOR", help="Scale factor of the ground acceleration, not zero."
 )
-scale = _factor(type=ListOf(Nonzero(), once=False))
-one_scale = _factor(type=Nonzero(), needs="RECORD")
+scale = _factor(type=option_types.ListOf(option_types.Nonzero(), once=False))
+one_scale = _factor(type=option_types.Nonzero(), needs="RECORD")
 
 
 def pair_demand(
@@ -141,14 +136,14 @@ def pair_demand(
 _LAYOUT = (
     _rare(
         "--step",
-        type=Number(0.0, min_open=True),
+        type=option_types.Number(0.0, min_open=True),
         metavar="SECONDS",
         help="Sampling interval of a text table that does not contain it; a file that contains it "
         "must agree.",
     ),
     _rare(
         "--column",
-        type=ListOf(click.STRING),
+        type=option_types.ListOf(click.STRING),
         metavar="N|NAME,...",
         help="Columns of a text table, by number (from 1) or name; by default the columns with "
         "names of accelerations, otherwise all columns except the time.",
@@ -189,14 +184,14 @@ _PROCESSING = (
     _rare("--pad", metavar="SECONDS|BEFORE:AFTER", help="Add zeros before and after the record."),
     option(
         "--highpass",
-        type=Number(0.0, min_open=True),
+        type=option_types.Number(0.0, min_open=True),
         metavar="HZ",
         help="Zero-phase Butterworth high-pass filter with this corner frequency; applied forward "
         "and backward, which halves the amplitude at the corner.",
     ),
     _rare(
         "--lowpass",
-        type=Number(0.0, min_open=True),
+        type=option_types.Number(0.0, min_open=True),
         metavar="HZ",
         help="Zero-phase Butterworth low-pass filter with this corner frequency.",
     ),
@@ -208,14 +203,14 @@ _PROCESSING = (
     ),
     _rare(
         "--resample",
-        type=Number(0.0, min_open=True),
+        type=option_types.Number(0.0, min_open=True),
         metavar="DT",
         help="New sampling interval, s, by band-limited resampling, with an anti-aliasing filter "
         "if the interval becomes longer.",
     ),
     _rare(
         "--time-scale",
-        type=Number(0.0, min_open=True),
+        type=option_types.Number(0.0, min_open=True),
         metavar="FACTOR",
         help="Multiply the times by this factor, after the other steps; 0.2 compresses the record "
         "by 5, for a model on a shake table.",
@@ -291,7 +286,7 @@ def _with_described_files(
         choice = _combined(of_command, description.choice, name)
         described.extend((file, choice) for file in description.files)
         if description.pairs and _has_wish_of_pairs() and not values.get("pairs"):
-            values["pairs"] = PairWish(None, description.pairs)
+            values["pairs"] = option_types.PairWish(None, description.pairs)
         return description.files
 
     values = dict(values)
@@ -310,7 +305,7 @@ def _with_described_files(
 def _has_wish_of_pairs() -> bool:
     """Return True if the value of the option --pairs of the running command is a `PairWish`."""
     parameters = click.get_current_context().command.params
-    return any(item.name == "pairs" and item.type.name == PAIRS for item in parameters)
+    return any(item.name == "pairs" and item.type.name == option_types.PAIRS for item in parameters)
 
 
 def _combined(of_command: RecordChoice, choice: RecordChoice, source: str) -> RecordChoice:

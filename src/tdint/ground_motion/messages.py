@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 import warnings
 from collections.abc import Iterator
@@ -34,16 +33,10 @@ _ABOUT_CODE = (
 def quiet_import() -> Iterator[None]:
     """Import a part of ObsPy, or `importlib.metadata`, without warnings about the code of ObsPy.
 
-    Imports that need a large part of the time are postponed: the module that plots earthquakes, and
-    two modules of Python for functions that tdint does not call.
+    The module of ObsPy that plots earthquakes requires a large part of the time; it is imported
+    when one of its functions is called.
     """
-    with (
-        warnings.catch_warnings(),
-        _postponed_import(_DRAWING, functions=True),
-        _postponed_import("socket"),
-        _postponed_import("tarfile"),
-        _unparsed_versions(),
-    ):
+    with warnings.catch_warnings(), _drawing_when_called():
         for category in _ABOUT_CODE:
             warnings.simplefilter("ignore", category)
         yield
@@ -65,62 +58,26 @@ def obspy_function(group: str, name: str) -> Any:
 
 
 @contextmanager
-def _unparsed_versions() -> Iterator[None]:
-    """Read the versions of packages from the line of their metadata.
-
-    `importlib.metadata.version`, which ObsPy calls for three packages when it is imported, parses
-    all metadata with the complete description.
-    """
-    from importlib import metadata  # imported late: needed only to read a file
-
-    parsed_version = metadata.version
-
-    def version(distribution_name: str) -> str:
-        """Return the version of an installed package, or raise PackageNotFoundError."""
-        text = metadata.distribution(distribution_name).read_text("METADATA") or ""
-        line = re.search(r"(?m)^Version: (\S+)", text)
-        return line[1] if line else parsed_version(distribution_name)
-
-    metadata.version = version
-    try:
-        yield
-    finally:
-        metadata.version = parsed_version
-
-
-@contextmanager
-def _postponed_import(name: str, *, functions: bool = False) -> Iterator[None]:
-    """Postpone the import of a module until one of its attributes is used. With `functions`, also
-    functions of the module that are imported inside the block import the module when they are
-    called."""
-    if name in sys.modules:
+def _drawing_when_called() -> Iterator[None]:
+    """Replace the functions of the module that plots earthquakes by functions that import it."""
+    if _DRAWING in sys.modules:
         yield
         return
 
-    def imported(attribute: str) -> Any:
-        """Import the module and return its attribute of this name."""
-        if sys.modules.get(name) is placeholder:
-            del sys.modules[name]
-        return getattr(import_module(name), attribute)
-
-    def importing(attribute: str) -> Any:
-        """Return an attribute of the module, or a function that imports it when it is called."""
+    def function(name: str) -> Any:
+        """Return a function that imports the module and calls its function of this name."""
         # Python also requests names such as __path__, which the placeholder does not have.
-        if attribute.startswith("__"):
-            raise AttributeError(attribute)
-        if not functions:
-            return imported(attribute)
-        return lambda *args, **kwargs: imported(attribute)(*args, **kwargs)
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return lambda *args, **kwargs: getattr(import_module(_DRAWING), name)(*args, **kwargs)
 
     # Python calls __getattr__ of a module for names that the module does not contain.
-    placeholder = ModuleType(name)
-    placeholder.__dict__["__getattr__"] = importing
-    sys.modules[name] = placeholder
+    sys.modules[_DRAWING] = ModuleType(_DRAWING)
+    sys.modules[_DRAWING].__dict__["__getattr__"] = function
     try:
         yield
     finally:
-        if sys.modules.get(name) is placeholder:
-            del sys.modules[name]
+        del sys.modules[_DRAWING]
 
 
 @contextmanager

@@ -12,17 +12,7 @@ from typing import Any
 from tdint.errors import UsageError
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw, LawParameter
-from tdint.model.plugins import (
-    Origin,
-    check_name,
-    declared,
-    faults_of,
-    home_of,
-    installed,
-    module_of,
-    require_version,
-    same_file,
-)
+from tdint.model import plugins
 
 CODES: dict[str, int] = {name: code for code, name in enumerate(_LAWS.names())}
 """Number of each law in the tables of the kernels."""
@@ -47,7 +37,7 @@ LAWS: Mapping[str, DriftLaw] = _LawsByName()
 """Hysteretic laws by the name in a model file: laws of `tdint.kernels.laws` and of plug-ins."""
 
 
-def register_law(law: DriftLaw, where: str | Origin = "") -> None:
+def register_law(law: DriftLaw, where: str | plugins.Origin = "") -> None:
     """Register a hysteretic law, so that models can use it.
 
     The law is compiled into the time loops of the models that contain it. Its functions must be
@@ -72,9 +62,11 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
         raise UsageError(
             f"{where or law!r}: a law must be a tdint.plugin.DriftLaw, not {type(law).__name__}"
         )
-    origin = where if isinstance(where, Origin) else Origin(where or f"law {law.name!r}")
+    origin = (
+        where if isinstance(where, plugins.Origin) else plugins.Origin(where or f"law {law.name!r}")
+    )
     where = origin.where
-    check_name(law.name, LAWS, "law", where)
+    plugins.check_name(law.name, LAWS, "law", where)
     module_name = law.functions.__module__
     if module_name == "__main__" or getattr(sys.modules.get(module_name), "__file__", None) is None:
         raise UsageError(
@@ -82,7 +74,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
             "import it"
         )
     # The other declarations are verified before the first run, with the parameters of the model.
-    with faults_of(where):
+    with plugins.faults_of(where):
         has_branches = law.functions().switch is not None
     if has_branches != law.kinked:
         raise UsageError(
@@ -108,12 +100,12 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
 def laws() -> Mapping[str, DriftLaw]:
     """Return all hysteretic laws by name, also from entry points `tdint.laws`."""
 
-    def register(plugin: Any, origin: Origin) -> None:
+    def register(plugin: Any, origin: plugins.Origin) -> None:
         """Register the laws of an entry point."""
-        for law in declared(plugin, "LAWS", DriftLaw, origin.where):
+        for law in plugins.declared(plugin, "LAWS", DriftLaw, origin.where):
             register_law(law, origin)
 
-    installed("tdint.laws", register)
+    plugins.installed("tdint.laws", register)
     return LAWS
 
 
@@ -179,7 +171,7 @@ class Law:
         A law of a plug-in is pickled with the path and the SHA-256 of the plug-in, so that the
         other process can load it.
         """
-        plugin = home_of(LAWS.get(self.name), "LAWS")
+        plugin = plugins.home_of(LAWS.get(self.name), "LAWS")
         if plugin:
             path, digest = plugin
             code = CODES[self.name]
@@ -200,11 +192,11 @@ def _restore_law(fields: tuple[Any, ...], code: int, file: str, digest: str) -> 
     """
     name = fields[0]
     if name in LAWS:
-        require_version(LAWS[name], "LAWS", file, digest)
+        plugins.require_version(LAWS[name], "LAWS", file, digest)
     else:
-        module = module_of(same_file(file, digest))
-        for law in declared(module, "LAWS", DriftLaw, file):
-            register_law(law, Origin(file, module.__name__))
+        module = plugins.module_of(plugins.same_file(file, digest))
+        for law in plugins.declared(module, "LAWS", DriftLaw, file):
+            register_law(law, plugins.Origin(file, module.__name__))
     if CODES[name] != code:
         raise UsageError(
             f"{file}: the law {name!r} of this plug-in is number {CODES[name]} of the laws in this "

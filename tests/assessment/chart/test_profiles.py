@@ -12,6 +12,7 @@ import pytest
 
 from building_cases import noise, ten_bilinear, ten_linear
 from tdint import performance_profiles, run, to_dict
+from tdint.assessment.chart.chart_figures import profile_picture
 from tdint.assessment.chart.performance_profiles import (
     PARTS,
     PEAKS,
@@ -25,7 +26,6 @@ from tdint.assessment.chart.performance_profiles import (
     read_problems,
 )
 from tdint.assessment.chart.problem import pose
-from tdint.assessment.chart.profile_figures import profile_picture
 from tdint.assessment.chart.work_precision import (
     PerformanceProfile,
     Point,

@@ -12,7 +12,7 @@ from el_centro import el_centro
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.axes import PairRecord, along_axes
 from tdint.ground_motion.horizontals import find_horizontals
-from tdint.response.runs.resultants import Resultant
+from tdint.response.runs.outcome import Resultant
 from tdint.response.runs.two_directions import lines, peak_of_vector
 
 RNG = np.random.default_rng(20261129)

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tdint.arrays import cached_property
+from tdint.assessment.chart import work_precision
 from tdint.assessment.chart.problem import (
     Errors,
     Problem,
@@ -25,21 +26,6 @@ from tdint.assessment.chart.problem import (
     ending_together,
     largest_relative,
     pose,
-)
-from tdint.assessment.chart.work_precision import (
-    BY_TOLERANCE,
-    CHOOSING,
-    NOT_RUN,
-    Peer,
-    PerformanceProfile,
-    Point,
-    Progress,
-    Timing,
-    by_tolerance,
-    performance_ratios,
-    silent,
-    suited,
-    within,
 )
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
@@ -190,7 +176,7 @@ class Measured:
     changes: int
     confirmed_by: str
     gap: PeakErrors
-    points: tuple[Point, ...]
+    points: tuple[work_precision.Point, ...]
     peer_gap: float = math.nan
     peer_note: str = ""
 
@@ -215,10 +201,13 @@ class Measured:
             Time, s, by the name of the line of the method; nan if no step meets the tolerance.
         """
         lines = dict.fromkeys(point.line for point in self.points)
-        executed = [point for point in self.points if point.outcome != NOT_RUN]
+        executed = [point for point in self.points if point.outcome != work_precision.NOT_RUN]
         return {
             line: min(
-                (point.fastest for point in within(executed, line, quantity, tolerance)),
+                (
+                    point.fastest
+                    for point in work_precision.within(executed, line, quantity, tolerance)
+                ),
                 default=math.nan,
             )
             for line in lines
@@ -231,8 +220,8 @@ class Measured:
         run, because the time limit of the program was reached.
         """
         points = [point for point in self.points if point.line == line]
-        executed = [point for point in points if point.outcome != NOT_RUN]
-        return executed != points and not within(executed, line, quantity, tolerance)
+        executed = [point for point in points if point.outcome != work_precision.NOT_RUN]
+        return executed != points and not work_precision.within(executed, line, quantity, tolerance)
 
 
 class Leaders(NamedTuple):
@@ -261,7 +250,7 @@ solves other equations than the published method."""
 
 def has_specified_steps(line: str) -> bool:
     """Return True if a line belongs to one of our methods with specified time steps."""
-    return PEER not in line and not line.endswith(BY_TOLERANCE)
+    return PEER not in line and not line.endswith(work_precision.BY_TOLERANCE)
 
 
 @dataclass(frozen=True, repr=False)
@@ -279,8 +268,8 @@ class FieldChart(Tabular):
     """
 
     measured: tuple[Measured, ...]
-    timing: Timing
-    peers: tuple[Peer, ...] = ()
+    timing: work_precision.Timing
+    peers: tuple[work_precision.Peer, ...] = ()
 
     @property
     def lines(self) -> list[str]:
@@ -290,7 +279,7 @@ class FieldChart(Tabular):
         return sorted(lines, key=lambda line: (PEER in line, not has_specified_steps(line)))
 
     @cached_property
-    def profiles(self) -> tuple[PerformanceProfile, ...]:
+    def profiles(self) -> tuple[work_precision.PerformanceProfile, ...]:
         """Profiles for each quantity, tolerance and method, in this order.
 
         They include all problems with a reference that is accurate enough for the tolerance. A
@@ -312,7 +301,7 @@ class FieldChart(Tabular):
                 [[costs.get(line, math.nan) for line in self.lines] for costs in problem_costs]
             )
             for line, ratios in zip(
-                self.lines, performance_ratios(cost_table, is_ours).T, strict=True
+                self.lines, work_precision.performance_ratios(cost_table, is_ours).T, strict=True
             ):
                 is_unknown = [
                     problem.is_unknown(line, quantity, tolerance) for problem in judged_problems
@@ -320,7 +309,7 @@ class FieldChart(Tabular):
                 accepted = sum(line in costs for costs in problem_costs) - sum(is_unknown)
                 sorted_ratios = sorted(ratios[~np.array(is_unknown)].tolist())
                 profiles.append(
-                    PerformanceProfile(
+                    work_precision.PerformanceProfile(
                         quantity, tolerance, line, tuple(sorted_ratios), accepted, sum(is_unknown)
                     )
                 )
@@ -421,7 +410,7 @@ def measure_problem(
     repeats: int = _REPEATS,
     tolerances: Sequence[float] = (),
     peers: bool = False,
-    progress: Progress = silent,
+    progress: work_precision.Progress = work_precision.silent,
 ) -> Measured:
     """Measure one problem with all methods and time steps.
 
@@ -448,14 +437,14 @@ def measure_problem(
     posed = problem.posed
     dts = [posed.interval * multiple for multiple in PARTS]
     posed = ending_together(posed, dts)
-    suitable = suited(posed, integrators)
+    suitable = work_precision.suited(posed, integrators)
     progress("compiling", 0.0)
     posed.prepared.compile([*suitable, parse("impulse4"), parse("moment4")])
 
     progress("reference", 0.1)
     reference, gap, confirmed_by = _reference(posed)
 
-    points: dict[tuple[Integrator, float], Point] = {}
+    points: dict[tuple[Integrator, float], work_precision.Point] = {}
     for completed, integrator in enumerate(suitable):
         progress("errors", 0.2 + 0.6 * completed / len(suitable))
         points |= {
@@ -474,10 +463,12 @@ def measure_problem(
 
     # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
     peak_errors = partial(PeakErrors.between, true_peaks=reference.stories)
-    points_by_tolerance: list[Point] = []
+    points_by_tolerance: list[work_precision.Point] = []
     for integrator in suitable:
-        if integrator.label in CHOOSING:
-            points_by_tolerance += by_tolerance(posed, integrator, tolerances, peak_errors, repeats)
+        if integrator.label in work_precision.CHOOSING:
+            points_by_tolerance += work_precision.by_tolerance(
+                posed, integrator, tolerances, peak_errors, repeats
+            )
 
     # Add the results of OpenSeesPy, if requested.
     opensees_points, opensees_gap, opensees_note = (
@@ -526,7 +517,7 @@ def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
 
 def _points_of_method(
     posed: Problem, integrator: Integrator, dts: Sequence[float], true_peaks: StoryPeaks
-) -> list[Point]:
+) -> list[work_precision.Point]:
     """Measure one method with decreasing time steps, and return a point for each time step.
 
     No smaller step is run after two successive errors far below all tolerances. Each point is timed
@@ -534,10 +525,10 @@ def _points_of_method(
 
     `dts` contains the time steps in descending order, s.
     """
-    points: list[Point] = []
+    points: list[work_precision.Point] = []
     for dt in dts:
         steps = posed.steps(dt)
-        point_without_result = Point(
+        point_without_result = work_precision.Point(
             integrator.label, steps.h, steps.count, DONE, line=integrator.label
         )
         response = attempt(posed.case(integrator), steps)
@@ -562,7 +553,9 @@ def _points_of_method(
     return points
 
 
-def _contenders(points: Mapping[tuple[Integrator, float], Point]) -> list[tuple[Integrator, float]]:
+def _contenders(
+    points: Mapping[tuple[Integrator, float], work_precision.Point],
+) -> list[tuple[Integrator, float]]:
     """Return the runs with a point that is, or may become, the cheapest of its line for a
     tolerance.
 
@@ -571,7 +564,7 @@ def _contenders(points: Mapping[tuple[Integrator, float], Point]) -> list[tuple[
     lines = dict.fromkeys(point.line for point in points.values())
     contenders: set[tuple[str, float]] = set()  # lines and time steps
     for line, quantity, tolerance in product(lines, PEAKS, TOLERANCES):
-        meeting = within(points.values(), line, quantity, tolerance)
+        meeting = work_precision.within(points.values(), line, quantity, tolerance)
         minimum_cost = min((point.fastest for point in meeting), default=math.nan)
         contenders |= {
             (line, point.dt) for point in meeting if point.fastest <= _NEAR * minimum_cost
@@ -581,7 +574,7 @@ def _contenders(points: Mapping[tuple[Integrator, float], Point]) -> list[tuple[
 
 def _opensees_results(
     posed: Problem, dts: Sequence[float], true_peaks: StoryPeaks
-) -> tuple[list[Point], float, str]:
+) -> tuple[list[work_precision.Point], float, str]:
     """Measure OpenSeesPy with all time steps; return the points, the relative difference between
     OpenSees with small steps and the reference (nan if unknown), and a note.
 
@@ -622,7 +615,7 @@ def performance_profiles(
     repeats: int = _REPEATS,
     tolerances: Sequence[float] = (),
     peers: bool = False,
-    progress: Progress = silent,
+    progress: work_precision.Progress = work_precision.silent,
 ) -> FieldChart:
     """Measure methods for many problems, and compute performance profiles of their costs.
 
@@ -692,7 +685,7 @@ def field_chart(measured: Sequence[Measured]) -> FieldChart:
     from tdint.assessment.chart.peers import peers_of
 
     points = [point for problem in measured for point in problem.points]
-    return FieldChart(tuple(measured), Timing.of(points), peers_of(points))
+    return FieldChart(tuple(measured), work_precision.Timing.of(points), peers_of(points))
 
 
 def crossed(

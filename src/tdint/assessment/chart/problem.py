@@ -26,17 +26,9 @@ from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import OURS
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
+from tdint.model import definition
 from tdint.model.building import Building, assemble
 from tdint.model.damping import rayleigh
-from tdint.model.definition import (
-    Attachment,
-    Force,
-    Initial,
-    ModalDamping,
-    Model,
-    RayleighRatio,
-    TableForce,
-)
 from tdint.model.story_laws import CODES
 from tdint.response.arguments import model_record
 from tdint.response.runs.case import Case
@@ -47,7 +39,7 @@ from tdint.response.runs.run import run_case
 from tdint.response.time_steps import Steps, choose_steps
 from tdint.system import cache_subfolder
 
-_Moved = TypeVar("_Moved", Force, TableForce, Attachment)
+_Moved = TypeVar("_Moved", definition.Force, definition.TableForce, definition.Attachment)
 
 
 @dataclass(frozen=True)
@@ -107,7 +99,7 @@ class Problem:
         Number of intervals to be integrated.
     """
 
-    model: Model
+    model: definition.Model
     record: Record | None
     interval: float
     samples: int
@@ -243,7 +235,7 @@ class Problem:
 
 
 def pose(
-    model: Model,
+    model: definition.Model,
     record: Record | None = None,
     *,
     duration: float | None = None,
@@ -310,7 +302,7 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
     return replace(problem, samples=-(-problem.samples // common_multiple) * common_multiple)
 
 
-def stretched(model: Model, count: int) -> Model:
+def stretched(model: definition.Model, count: int) -> definition.Model:
     """Return a building with `count` stories in the same pattern as in the model.
 
     If the number of stories increases, stories are repeated; if it decreases, stories are omitted.
@@ -328,11 +320,11 @@ def stretched(model: Model, count: int) -> Model:
     # Index of the original story for each story of the new building.
     old_stories = [i * old_count // count for i in range(count)]
     damping = model.damping
-    if isinstance(damping, RayleighRatio):
+    if isinstance(damping, definition.RayleighRatio):
         # The damping is formed from the stories, without attachments and links.
         vibration = assemble(replace(model, attachments=(), links=())).vibration
         damping = rayleigh(damping, *map(vibration.frequency, damping.modes))
-    elif isinstance(damping, ModalDamping):
+    elif isinstance(damping, definition.ModalDamping):
         damping = damping._replace(ratios=damping.ratios[:count])
 
     def new_floor(floor: int) -> int:
@@ -365,7 +357,7 @@ def stretched(model: Model, count: int) -> Model:
         attachments=tuple(map(moved, model.attachments)),
         links=tuple(links),
         excitation=replace(model.excitation, forces=forces, tables=tables),
-        initial=Initial(
+        initial=definition.Initial(
             tuple(model.initial.displacement[i] for i in old_stories),
             tuple(model.initial.velocity[i] for i in old_stories),
         ),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tdint.assessment.chart.chart_notes import NARROW_FOOT
+from tdint.assessment.chart.chart_figures import CHART_FOOT
 from tdint.errors import UsageError
 from tdint.output.figures.style import (
     INCH,
@@ -121,7 +121,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
             if problem != previous_problem:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
-    explanation = "\n".join(wrap(_EXPLANATION, NARROW_FOOT)) if narrow else _EXPLANATION
+    explanation = "\n".join(wrap(_EXPLANATION, CHART_FOOT)) if narrow else _EXPLANATION
     legend = figure.legend(
         handles,
         list(_LEGEND),

@@ -10,16 +10,8 @@ from __future__ import annotations
 import re
 
 from tdint.errors import RecordError
+from tdint.ground_motion.formats import series
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizer
-from tdint.ground_motion.formats.series import (
-    CLOCK,
-    Header,
-    Series,
-    code,
-    reader,
-    required_units,
-    stated_peak,
-)
 
 _TITLE = r"^\s*STRONG GROUND MOTION RECORDS OF TURK"
 _POINTS = rf"^\s*NUMBER OF DATA\s*:\s*({COUNT})\s*$"
@@ -29,7 +21,7 @@ _PEAK = re.compile(rf"\(([-A-Z]+)\)\s*({NUMBER})", re.IGNORECASE)
 _STATION = r"^\s*STATION ID\s*:\s*(\S+)"
 _START = (
     r"^\s*RECORD TIME\s*:\s*(?P<day>\d+)/(?P<month>\d+)/(?P<year>\d+)\s+"
-    rf"{CLOCK}\s*\((?:GMT|UTC)\)"
+    rf"{series.CLOCK}\s*\((?:GMT|UTC)\)"
 )
 _EARTHQUAKE = r"^\s*EARTHQUAKE DATE\s*:\s*(\d.*?)\s*\(?(?:GMT|UTC)\)?\s*$"
 _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
@@ -38,13 +30,15 @@ _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 @recognizer
 def is_afad(lines: list[str]) -> object:
     """Return True if a file starts with the title of the Turkish network (AFAD)."""
-    return Header(lines[:1]).match(_TITLE)
+    return series.Header(lines[:1]).match(_TITLE)
 
 
-@reader
-def read_afad(lines: Lines) -> list[Series]:
+@series.reader
+def read_afad(lines: Lines) -> list[series.Series]:
     """Read an AFAD file, and return its components with the units and the peaks in the header."""
-    header = Header(lines.take_until(_NAMES.fullmatch, "line with the names of the components"))
+    header = series.Header(
+        lines.take_until(_NAMES.fullmatch, "line with the names of the components")
+    )
     names = lines.take().split()
     points, step, peaks = map(header.match, (_POINTS, _STEP, _PEAKS))
     if not (points and step and peaks):
@@ -52,20 +46,20 @@ def read_afad(lines: Lines) -> list[Series]:
             "the header of the file must state the number of data, the sampling interval and the "
             "units"
         )
-    units = required_units(peaks[1])
+    units = series.required_units(peaks[1])
     peak_by_name = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}
     columns = lines.table(int(points[1]), len(names))
     lines.expect_end()
     return [
-        Series(
+        series.Series(
             column,
             float(step[1]),
             units,
-            channel=code(name).replace("-", "").upper(),
+            channel=series.code(name).replace("-", "").upper(),
             station=header.code(_STATION),
             start=header.moment(_START),
             event=header.field(_EARTHQUAKE),
-            peak=stated_peak(peak_by_name.get(name.upper(), ""), units, units),
+            peak=series.stated_peak(peak_by_name.get(name.upper(), ""), units, units),
         )
         for name, column in zip(names, columns, strict=True)
     ]

@@ -12,6 +12,7 @@ import re
 import numpy as np
 
 from tdint.errors import RecordError
+from tdint.ground_motion.formats import series
 from tdint.ground_motion.formats.lines import (
     NUMBER,
     Lines,
@@ -19,20 +20,10 @@ from tdint.ground_motion.formats.lines import (
     is_row_of_numbers,
     recognizer,
 )
-from tdint.ground_motion.formats.series import (
-    CLOCK,
-    Header,
-    Series,
-    StatedPeak,
-    code,
-    reader,
-    required_units,
-    stated_peak,
-)
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
 
 _STATION = r"^#\s*StationCode\s*:\s*(\S+)"
-_TIME = rf"\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}"
+_TIME = rf"\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{series.CLOCK}"
 _START, _ORIGIN = rf"^#\s*StartTime{_TIME}", rf"^#\s*Origin\s*Time{_TIME}"
 _LENGTH = rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})"
 _RATE = rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})"
@@ -51,11 +42,11 @@ _NAME = re.compile(r"(\w+)\s*\(\+\)")
 def is_cwb(lines: list[str]) -> object:
     """Return True if the comment lines (#) at the start of a file state the station, the sampling
     rate and the order of the columns, as in a CWB file."""
-    return all(map(Header(lines[:60]).match, (_STATION, _RATE, _SEQUENCE)))
+    return all(map(series.Header(lines[:60]).match, (_STATION, _RATE, _SEQUENCE)))
 
 
-@reader
-def read_cwb(lines: Lines) -> list[Series]:
+@series.reader
+def read_cwb(lines: Lines) -> list[series.Series]:
     """Read a CWB file, and return its components with the units and the peaks in the header.
 
     Raises
@@ -64,7 +55,7 @@ def read_cwb(lines: Lines) -> list[Series]:
         The file is cut off, its times are not in equal steps, or its content does not match its
         header.
     """
-    header = Header(lines.take_until(is_row_of_numbers, "row of numbers"))
+    header = series.Header(lines.take_until(is_row_of_numbers, "row of numbers"))
     units, rate = map(header.match, (_UNITS, _RATE))
     names = _NAME.findall(header.field(_SEQUENCE))
     if not (names and rate and units):
@@ -85,20 +76,20 @@ def read_cwb(lines: Lines) -> list[Series]:
         size = stated if times.size == stated + 1 else times.size
         statements.append(Statement(SAMPLES, stated, size))
     compared = compare(statements)
-    unit = required_units(units[1])
+    unit = series.required_units(units[1])
 
     # The peak of a component is the larger absolute value of its maximum and minimum.
-    peaks: dict[str, StatedPeak | None] = {}
+    peaks: dict[str, series.StatedPeak | None] = {}
     for match in filter(None, map(_EXTREMES.search, header)):
         largest = max(match[2], match[3], key=lambda number: abs(float(number)))
-        peaks.setdefault(match[1].upper(), stated_peak(largest, unit, unit))
+        peaks.setdefault(match[1].upper(), series.stated_peak(largest, unit, unit))
     origin = header.moment(_ORIGIN)
     return [
-        Series(
+        series.Series(
             column,
             dt,
             unit,
-            channel=code(name).upper(),
+            channel=series.code(name).upper(),
             station=header.code(_STATION),
             start=header.moment(_START),
             event="" if origin is None else f"{origin:%Y-%m-%d %H:%M:%S}",

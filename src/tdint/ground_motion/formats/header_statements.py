@@ -16,16 +16,9 @@ from datetime import UTC, datetime
 
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP
+from tdint.ground_motion.formats import table_columns
 from tdint.ground_motion.formats.lines import COUNT, NUMBER
 from tdint.ground_motion.formats.series import motion_units
-from tdint.ground_motion.formats.table_columns import (
-    COMMENT,
-    ORIGIN,
-    SECONDS,
-    declarations,
-    is_key,
-    quantity_of_units,
-)
 
 MIN_COUNT = 20
 """Smallest number that counts as a number of samples; smaller numbers are values per line."""
@@ -219,16 +212,16 @@ def statements(lines: Sequence[str]) -> Statements:
         A declared sampling interval or rate is not a positive number with a unit of time or rate.
     """
     # The origin of a motion that tdint wrote contains texts of the user, which are not statements.
-    origins = [line for line in lines if line.lstrip("# ").startswith(f"{ORIGIN} = ")]
+    origins = [line for line in lines if line.lstrip("# ").startswith(f"{table_columns.ORIGIN} = ")]
     lines = [line for line in lines if len(line) <= _LONGEST_STATEMENT]
     lines = [_plain_text(line) for line in lines if line not in origins]
-    declared = dict(pair for line in origins for pair in declarations(line))
+    declared = dict(pair for line in origins for pair in table_columns.declarations(line))
     counts: list[int] = []
     intervals: list[float] = []
     declared_units: list[str] = []
     for line in lines:
         intervals += _stated_intervals([line])
-        for key, value in declarations(line):
+        for key, value in table_columns.declarations(line):
             if key in _INTERVAL_NAMES:
                 wording = f"{_INTERVAL_NAMES[key]} = {value}"
                 intervals += list(_stated_intervals([wording])) or _declared_interval(key, value)
@@ -250,7 +243,7 @@ def statements(lines: Sequence[str]) -> Statements:
     ]
     units = _stated_units(lines, declared_units)
     integrals = named_integrals(lines)
-    has_unit = any(quantity_of_units(unit) == "acceleration" for unit in units)
+    has_unit = any(table_columns.quantity_of_units(unit) == "acceleration" for unit in units)
     names_acceleration = bool(has_unit or peaks) or any(map(_ACCELERATION.search, lines))
     return Statements(
         frozenset(counts),
@@ -274,7 +267,7 @@ def _plain_text(line: str) -> str:
     name, mark, value = text.partition(next((mark for mark in "\t;," if mark in text), ","))
     is_pair = bool(mark) and (
         bool(re.fullmatch(rf"\s*{NUMBER}\s*[a-z/]*\s*", value, re.IGNORECASE))
-        or (is_key(name) and not re.search("[,;\t]", value))
+        or (table_columns.is_key(name) and not re.search("[,;\t]", value))
     )
     return f"{name} = {value.strip()}" if is_pair and not re.search("[=:]", name) else text
 
@@ -314,7 +307,7 @@ def _bare_units(line: str) -> list[str]:
     """
     if _OTHER_VALUE.search(line):
         return []
-    comment = COMMENT.fullmatch(line)
+    comment = table_columns.COMMENT.fullmatch(line)
     rest = comment[1] if comment else line
     for pattern in (*_INTERVALS, *_RATES, *_COUNTS):
         rest = pattern.sub(";", rest)
@@ -325,7 +318,7 @@ def _bare_units(line: str) -> list[str]:
         if cell
         and not cell[0].isdigit()
         and (unit := _units(cell))
-        and quantity_of_units(unit) in ("acceleration", "velocity")
+        and table_columns.quantity_of_units(unit) in ("acceleration", "velocity")
     ]
     return exact or [
         unit
@@ -340,7 +333,7 @@ def _declared_interval(key: str, value: str) -> list[float]:
     if re.fullmatch(rf"{NUMBER}\s*(?:KM|DEG|M|CM|MM)", value, re.IGNORECASE):
         return []
     if key == "dt":
-        return [_convert_quantity(value, SECONDS, "dt")]
+        return [_convert_quantity(value, table_columns.SECONDS, "dt")]
     return [1.0 / _convert_quantity(value, _PER_SECOND, "the sampling rate")]
 
 
@@ -379,7 +372,7 @@ def named_spectra(lines: Sequence[str]) -> str:
 
     Comments are ignored, because they may name the spectrum of an accelerogram.
     """
-    matches = (_SPECTRA.search(line) for line in lines if not COMMENT.fullmatch(line))
+    matches = (_SPECTRA.search(line) for line in lines if not table_columns.COMMENT.fullmatch(line))
     return next((" ".join(match[0].split()) for match in matches if match), "")
 
 
@@ -395,7 +388,7 @@ def _stated_intervals(lines: Sequence[str]) -> Iterator[float]:
         for pattern in _INTERVALS:
             for match in pattern.finditer(line):
                 unit = (match[3] or match[1] or "").lower()
-                interval = float(match[2]) * SECONDS[unit]
+                interval = float(match[2]) * table_columns.SECONDS[unit]
                 is_time = bool(match[3]) or not _OTHER_UNIT.match(line, match.end())
                 if is_time and MIN_STEP <= interval <= MAX_STEP:
                     yield interval

@@ -14,16 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion import miniseed_checks
 from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.miniseed_checks import (
-    PEAK,
-    SAMPLES,
-    Statement,
-    check_step,
-    compare,
-    last_place,
-)
 from tdint.ground_motion.origin import MotionOrigin
 from tdint.units import GROUND_MOTION, parse_units
 
@@ -95,7 +88,7 @@ class Series:
     network: str = ""
     start: datetime | None = None
     peak: StatedPeak | None = None
-    compared: tuple[str, ...] = (SAMPLES,)
+    compared: tuple[str, ...] = (miniseed_checks.SAMPLES,)
     units_from: str = "file"
     pgv: float | None = None
     pgd: float | None = None
@@ -132,7 +125,7 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
         # appended to the location code.
         if count[component.id] > 1:
             component = replace(component, location=f"{component.location}{number}")
-        check_step(component.dt)
+        miniseed_checks.check_step(component.dt)
         statements = []
         stated = component.peak
         if stated is not None and component.samples.size:
@@ -140,8 +133,8 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
             # The second term allows for the rounding errors of the conversion between units.
             rounding = stated.rounding + 1e-9 * peak
             statements.append(
-                Statement(
-                    PEAK,
+                miniseed_checks.Statement(
+                    miniseed_checks.PEAK,
                     abs(stated.value),
                     peak,
                     rounding,
@@ -155,7 +148,7 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
         header: dict[str, Any] = {name: getattr(component, name) for name in codes} | {
             "delta": component.dt,
             "npts": component.samples.size,
-            "tdint_compared": (*component.compared, *compare(statements)),
+            "tdint_compared": (*component.compared, *miniseed_checks.compare(statements)),
             "tdint_peaks": (component.pgv, component.pgd),
             "tdint_quantity": component.quantity,
             "tdint_event": component.event,
@@ -294,7 +287,7 @@ def stated_peak(number: str, units: str, sample_units: str) -> StatedPeak | None
     if peak_unit.quantity != sample_unit.quantity:
         return None
     factor = sample_unit.scale / peak_unit.scale
-    return StatedPeak(float(number), last_place(number), header_units, factor)
+    return StatedPeak(float(number), miniseed_checks.last_place(number), header_units, factor)
 
 
 def moment(

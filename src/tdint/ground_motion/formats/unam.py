@@ -15,16 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
+from tdint.ground_motion.formats import series
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizer, row_of_numbers
-from tdint.ground_motion.formats.series import (
-    Header,
-    Series,
-    code,
-    moment,
-    reader,
-    required_units,
-    stated_peak,
-)
 from tdint.number_parsing import pluralize
 
 _TITLE = r"^\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N"
@@ -50,13 +42,13 @@ _GAL = "gal"  # unit of the peaks in the header
 @recognizer
 def is_unam(lines: list[str]) -> object:
     """Return True if the first 20 lines of a file contain the title of an ASA file."""
-    return Header(lines[:20]).match(_TITLE)
+    return series.Header(lines[:20]).match(_TITLE)
 
 
-@reader
-def read_unam(lines: Lines) -> list[Series]:
+@series.reader
+def read_unam(lines: Lines) -> list[series.Series]:
     """Read an ASA file, and return its channels with the units and the peaks in the header."""
-    header = Header(lines.take_until(_DATA.match, "start-of-data line"))
+    header = series.Header(lines.take_until(_DATA.match, "start-of-data line"))
     steps, counts, peaks, names = (
         _values_of_channels(pattern, header) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES)
     )
@@ -77,7 +69,7 @@ def read_unam(lines: Lines) -> list[Series]:
     columns = lines.table(int(counts[0]), len(names))
     _skip_repeated_rows(lines, columns)
     units = header.field(_UNITS)
-    unit = required_units(units) if units else ""
+    unit = series.required_units(units) if units else ""
 
     intervals = []
     for step in steps:
@@ -97,7 +89,7 @@ def read_unam(lines: Lines) -> list[Series]:
         hour, minute, second = map(float, first.groups())
         added_days = round((int(origin[1]) - int(first[1])) / 24) if origin else 0
         # The last argument is a time zone in hours.
-        start = moment(year, month, day, hour, minute, second, -24.0 * added_days)
+        start = series.moment(year, month, day, hour, minute, second, -24.0 * added_days)
     # The date starts with the year.
     event = "-".join(date.groups()) if date else ""
     if date and origin:
@@ -105,15 +97,15 @@ def read_unam(lines: Lines) -> list[Series]:
 
     # Directions are, for example, N90E, or V for vertical. Other text may precede a direction.
     return [
-        Series(
+        series.Series(
             column,
             intervals[index],
             unit,
-            channel=code(name.rpartition(";")[2]).upper(),
+            channel=series.code(name.rpartition(";")[2]).upper(),
             station=header.code(_STATION),
             start=start,
             event=event,
-            peak=stated_peak(peaks[index], _GAL, unit)
+            peak=series.stated_peak(peaks[index], _GAL, unit)
             if unit and len(peaks) == len(names)
             else None,
         )
@@ -121,7 +113,7 @@ def read_unam(lines: Lines) -> list[Series]:
     ]
 
 
-def _values_of_channels(pattern: re.Pattern[str], header: Header) -> list[str]:
+def _values_of_channels(pattern: re.Pattern[str], header: series.Header) -> list[str]:
     """Return the values of a header key as text, in the order of the channels. A key has a second
     line if there are more than six channels.
 

@@ -17,14 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.csmip import (
-    CHANNEL,
-    POINTS,
-    REAL_WIDTH,
-    REALS,
-    read_pairs,
-    text_header,
-)
+from tdint.ground_motion.formats import csmip
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, last_decimal, recognizer
 from tdint.ground_motion.formats.series import Header, Series, largest_value, reader
 
@@ -66,7 +59,7 @@ def is_usc(lines: list[str]) -> object:
     and state the number of accelerations, and no line names a channel as in CSMIP files."""
     header = Header(lines[:_HEADER_TEXT])
     is_volume_2 = header.match(_TITLE_2) and header.match(_BLOCK)
-    return Header(lines[:1]).match(_TITLE) or (is_volume_2 and not header.match(CHANNEL))
+    return Header(lines[:1]).match(_TITLE) or (is_volume_2 and not header.match(csmip.CHANNEL))
 
 
 @reader
@@ -80,11 +73,11 @@ def read_usc(lines: Lines) -> list[Series]:
         match the header.
     """
     if Header([lines.peek() or ""]).match(_TITLE):
-        header = text_header(lines)
-        lines.numbers(REALS, REAL_WIDTH)  # the real numbers of the header are not used
-        series = read_pairs(lines, header)
+        header = csmip.text_header(lines)
+        lines.numbers(csmip.REALS, csmip.REAL_WIDTH)  # the real numbers of the header are not used
+        series = csmip.read_pairs(lines, header)
         # Text may follow the last point.
-        lines.expect_no_numbers(int(header.field(POINTS)))
+        lines.expect_no_numbers(int(header.field(csmip.POINTS)))
     else:
         series, header = _volume_2(lines)
     station, component = header.code(_STATION), header.field(_COMPONENT)
@@ -108,7 +101,7 @@ def _volume_2(lines: Lines) -> tuple[Series, Header]:
             block = Header(header[-1:]).match(_BLOCK) or block
             continue
         first = lines.number + 1
-        rows = lines.following_rows(REAL_WIDTH)
+        rows = lines.following_rows(csmip.REAL_WIDTH)
         if block is None and not blocks and len(rows) in _HEADER_ROWS:
             continue  # the integers and reals of the header are not used
         if block is None:

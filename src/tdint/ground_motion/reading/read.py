@@ -22,6 +22,7 @@ from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.origin import origin_of
+from tdint.ground_motion.reading import scale
 from tdint.ground_motion.reading.contents import (
     Contents,
     read_all_contents,
@@ -29,14 +30,6 @@ from tdint.ground_motion.reading.contents import (
     register_input,
 )
 from tdint.ground_motion.reading.sample_units import FileUnits, SampleUnits, file_units
-from tdint.ground_motion.reading.scale import (
-    Motion,
-    are_counts,
-    declared_units,
-    first_sample_warnings,
-    to_acceleration,
-    to_motion,
-)
 from tdint.ground_motion.record import (
     MAX_FLOOR_PEAK,
     SI_LOCATION,
@@ -487,7 +480,7 @@ def read_signal(
     ((channel, trace),), input_file = _select_components(
         source, RecordChoice(component=component), single=True
     )
-    motion = to_motion(trace, channel.contents.format, parsed, channel.label)
+    motion = scale.to_motion(trace, channel.contents.format, parsed, channel.label)
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, channel.label)
     start = _start_time(trace)
@@ -648,13 +641,13 @@ def _to_record(
     units = specified.of(channel.source, contents.format)
     # Counts need a factor, for example 2.38e-6 m/s^2. A unit without a factor, such as m/s^2, does
     # not state the value of a count.
-    lacks_units = units is None or (are_counts(trace) and not units.has_factor)
+    lacks_units = units is None or (scale.are_counts(trace) and not units.has_factor)
     if (
         instruments is None
         or not lacks_units
-        or declared_units(trace, contents.format, label, units)
+        or scale.declared_units(trace, contents.format, label, units)
     ):
-        motion = to_acceleration(trace, contents.format, units, label, choice.quantity)
+        motion = scale.to_acceleration(trace, contents.format, units, label, choice.quantity)
         if instruments is not None:
             unused = f"the inventory is not used, because the units are known ({motion.units})"
             motion = motion._replace(notes=(*motion.notes, unused))
@@ -663,7 +656,7 @@ def _to_record(
         from tdint.ground_motion.reading.instrument import remove_response
 
         acceleration, notes, response_warnings = remove_response(trace, instruments, label)
-        motion = Motion(
+        motion = scale.Motion(
             acceleration, "counts", "inventory", notes=notes, warnings=response_warnings
         )
     if motion.units_from == "assumed" and specified.entries and not specified.for_all:
@@ -680,7 +673,7 @@ def _to_record(
     warnings = (
         *motion.warnings,
         *peak_warnings(float(np.max(np.abs(motion.samples), initial=0.0))),
-        *first_sample_warnings(motion.samples),
+        *scale.first_sample_warnings(motion.samples),
         *([] if may_be_one_sided else _sign_warnings(trace, motion)),
     )
     for warning in warnings:
@@ -704,7 +697,7 @@ def _to_record(
     )
 
 
-def _sign_warnings(trace: Any, motion: Motion) -> list[str]:
+def _sign_warnings(trace: Any, motion: scale.Motion) -> list[str]:
     """Return a warning if the samples of a file, before a differentiation, have one sign."""
     samples = motion.samples if motion.quantity == "acceleration" else np.asarray(trace.data)
     if not has_one_sign(samples):

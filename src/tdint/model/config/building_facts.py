@@ -16,18 +16,7 @@ from tdint.model.capacity import (
     read_curve,
 )
 from tdint.model.config.sections import ModelUnits
-from tdint.model.keys.fields import (
-    POSITIVE,
-    RATIO,
-    Choice,
-    Flag,
-    Integer,
-    Key,
-    Keys,
-    Section,
-    TextLine,
-    Value,
-)
+from tdint.model.keys import fields
 from tdint.model.mdof_lu import (
     LEVELS,
     MOST_STORIES,
@@ -39,42 +28,46 @@ from tdint.model.mdof_lu import (
 )
 
 _DAMPING_TYPES = ("full", "mass-only")
-_RULES = Choice(tuple(rules for rules in RULES if rules != CAPACITY), "set of rules")
-BUILDING = Keys(
+_RULES = fields.Choice(tuple(rules for rules in RULES if rules != CAPACITY), "set of rules")
+BUILDING = fields.Keys(
     (
-        Key("rules", _RULES, "rules that derive the stories"),
-        Key(
+        fields.Key("rules", _RULES, "rules that derive the stories"),
+        fields.Key(
             "capacity",
-            TextLine(),
+            fields.TextLine(),
             "capacity curve instead of rules: a CSV file (sd_m, sa_g), relative to this file",
         ),
-        Key("type", Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
-        Key("stories", Integer(1, MOST_STORIES), "number of stories", needed=True),
-        Key("year", Integer(*YEARS), "year of construction"),
-        Key("area", POSITIVE, "area of one floor, in the square of the unit of length"),
-        Key("height", POSITIVE, "total height of the building"),
-        Key("zone", Choice(ZONES, "seismic zone"), "seismic zone; default: Z4"),
-        Key(
+        fields.Key("type", fields.Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
+        fields.Key("stories", fields.Integer(1, MOST_STORIES), "number of stories", needed=True),
+        fields.Key("year", fields.Integer(*YEARS), "year of construction"),
+        fields.Key(
+            "area", fields.POSITIVE, "area of one floor, in the square of the unit of length"
+        ),
+        fields.Key("height", fields.POSITIVE, "total height of the building"),
+        fields.Key("zone", fields.Choice(ZONES, "seismic zone"), "seismic zone; default: Z4"),
+        fields.Key(
             "design_level",
-            Choice(LEVELS, "design level"),
+            fields.Choice(LEVELS, "design level"),
             "design level; default: from zone and year",
         ),
-        Key("damping_ratio", RATIO, "viscous damping ratio; default: from the structure type"),
-        Key(
+        fields.Key(
+            "damping_ratio", fields.RATIO, "viscous damping ratio; default: from the structure type"
+        ),
+        fields.Key(
             "damping",
-            Choice(_DAMPING_TYPES, "type of damping"),
+            fields.Choice(_DAMPING_TYPES, "type of damping"),
             "full, or mass-only without the stiffness-proportional part",
         ),
-        Key(
+        fields.Key(
             "mass",
-            POSITIVE,
+            fields.POSITIVE,
             "total mass of a building with a capacity curve; default: 1 t",
         ),
-        Key("soft_story", Flag(), "true if the ground story is soft"),
-        Key("degradation", Flag(), "true if the stories lose stiffness and strength"),
-        Key(
+        fields.Key("soft_story", fields.Flag(), "true if the ground story is soft"),
+        fields.Key("degradation", fields.Flag(), "true if the stories lose stiffness and strength"),
+        fields.Key(
             "as_published",
-            Flag(),
+            fields.Flag(),
             "multiply the forces by the factor of oq-vmtk 1.1, which shortens the period",
         ),
     ),
@@ -85,7 +78,9 @@ _KEYS_OF_RULES = ("rules", "type", "year", "area", "zone", "design_level", "damp
 _KEYS_OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
 
 
-def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityBuilding | None:
+def read_building(
+    value: fields.Value, unit: ModelUnits
+) -> DerivedBuilding | CapacityBuilding | None:
     """Return the building derived from rules or a capacity curve; None after reporting an error."""
     section = value.section(BUILDING)
     if section is None:
@@ -130,20 +125,20 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     return RULES[rules](facts, None)
 
 
-def _read_needed(section: Section, name: str, advice: str = "") -> Any:
+def _read_needed(section: fields.Section, name: str, advice: str = "") -> Any:
     """Return the converted value of a required entry; None after reporting an error.
 
     `advice` is the remedy in the message if the entry is missing. Default: the allowed values of a
     choice.
     """
     value_type = BUILDING.types()[name]
-    if isinstance(value_type, Choice) and not advice:
+    if isinstance(value_type, fields.Choice) and not advice:
         advice = f"give one of {', '.join(value_type.names)}"
     value = section.need(name, advice)
     return value.read() if value else None
 
 
-def _building_of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
+def _building_of_curve(section: fields.Section, unit: ModelUnits) -> CapacityBuilding | None:
     """Return the building of a capacity curve; None after reporting an error."""
     curve_entry = section.get("capacity")
     path = curve_entry.file() if curve_entry else None

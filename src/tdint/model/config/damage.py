@@ -7,59 +7,47 @@ from collections.abc import Mapping, Sequence
 
 from tdint.errors import UsageError
 from tdint.model.damage_states import DEMANDS, DamageStates
-from tdint.model.keys.fields import (
-    DRIFT_BOUNDS,
-    Bounds,
-    Choice,
-    Either,
-    Key,
-    Keys,
-    NamedEntries,
-    Section,
-    TextLine,
-    Value,
-    ValueType,
-)
+from tdint.model.keys import fields
 from tdint.units import parse_with_unit
 
-LOSS = Bounds(0.0, 1.0, ratio=True)
+LOSS = fields.Bounds(0.0, 1.0, ratio=True)
 COLLAPSE = "collapsed"
 _STATE_NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
 _THRESHOLD_UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "12 mm")}
 """Quantity of a threshold and an example for messages, by the SI unit of the demand."""
 
 
-def by_state(value_type: ValueType) -> NamedEntries:
+def by_state(value_type: fields.ValueType) -> fields.NamedEntries:
     """Return the type of a mapping from damage states, from the lightest, to values."""
-    return NamedEntries(value_type, _STATE_NAME)
+    return fields.NamedEntries(value_type, _STATE_NAME)
 
 
-THRESHOLDS = by_state(Either((DRIFT_BOUNDS, TextLine())))
-DEMAND = Key(
+THRESHOLDS = by_state(fields.Either((fields.DRIFT_BOUNDS, fields.TextLine())))
+DEMAND = fields.Key(
     "demand",
-    Choice(tuple(DEMANDS), "demand"),
+    fields.Choice(tuple(DEMANDS), "demand"),
     "response quantity that determines the state; default: drift_ratio",
 )
-DISPERSION = Key(
+DISPERSION = fields.Key(
     "dispersion",
-    Bounds(0.0, 3.0),
+    fields.Bounds(0.0, 3.0),
     "standard deviation of the logarithms of the thresholds; 0: exact",
 )
 _LOSSES_MEANING = "loss ratio in each state; `collapsed` if it differs from the last state"
-DAMAGE = Keys(
+DAMAGE = fields.Keys(
     (
         DEMAND,
-        Key(
+        fields.Key(
             "thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True
         ),
         DISPERSION,
-        Key("losses", by_state(LOSS), _LOSSES_MEANING),
+        fields.Key("losses", by_state(LOSS), _LOSSES_MEANING),
     )
 )
 """Keys of the section `damage` of a model file."""
 
 
-def read_damage(value: Value) -> DamageStates | None:
+def read_damage(value: fields.Value) -> DamageStates | None:
     """Return the damage states of the section `damage`; None after reporting an error."""
     section = value.section(DAMAGE)
     thresholds = section.need("thresholds", "give the demand of each state") if section else None
@@ -68,7 +56,9 @@ def read_damage(value: Value) -> DamageStates | None:
     return read_damage_states(section, section.read("demand", "drift_ratio") or "", thresholds)
 
 
-def read_damage_states(section: Section, demand: str, thresholds: Value) -> DamageStates | None:
+def read_damage_states(
+    section: fields.Section, demand: str, thresholds: fields.Value
+) -> DamageStates | None:
     """Return the damage states of a file; None after reporting an error.
 
     Parameters
@@ -96,16 +86,16 @@ def read_damage_states(section: Section, demand: str, thresholds: Value) -> Dama
         return None
 
 
-def read_threshold(value: Value, demand: str) -> float:
+def read_threshold(value: fields.Value, demand: str) -> float:
     """Return a threshold in SI units, or nan after reporting an error."""
     unit = DEMANDS[demand].unit
     if unit == "1":
-        return value.number(DRIFT_BOUNDS)
+        return value.number(fields.DRIFT_BOUNDS)
     # A threshold that is not a ratio is a text with a unit, such as 0.3 g.
     return value.parsed(lambda text: parse_with_unit(text, *_THRESHOLD_UNITS[unit])) or math.nan
 
 
-def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...] | None:
+def read_losses(value: fields.Value | None, states: Sequence[str]) -> tuple[float, ...] | None:
     """Return the loss ratio (loss over replacement cost) of each state and of collapse.
 
     The ratios are in the order of the states, followed by the ratio of collapse. The result is
@@ -148,7 +138,7 @@ def losses_in_order(losses: Mapping[str, float], states: Sequence[str]) -> tuple
     return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 
 
-def _entries_by_state(value: Value, expected: str) -> dict[str, Value] | None:
+def _entries_by_state(value: fields.Value, expected: str) -> dict[str, fields.Value] | None:
     """Return the entry of each damage state by its name; None after reporting an error."""
     entries = value.named(expected, f"is empty; give {expected}")
     for name, entry in (entries or {}).items():

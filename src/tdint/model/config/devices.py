@@ -7,16 +7,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from tdint.model.config import stories
 from tdint.model.config.sections import ModelUnits
-from tdint.model.config.stories import (
-    DASHPOT,
-    INERTANCE,
-    LAW,
-    read_dashpot,
-    read_inertance,
-    read_mass,
-    read_spring,
-)
 from tdint.model.definition import Attachment, Link
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
@@ -53,10 +45,12 @@ _ATTACHMENT = Keys(
         Key("mass_ratio", _MASS_RATIO, "attached mass over the mass of all floors, instead"),
         Key("stiffness", NOT_NEGATIVE, "initial stiffness of its spring; 0 if only links hold it"),
         Key("period", POSITIVE, "its natural period on a fixed floor, s, instead of `stiffness`"),
-        Key("law", LAW, "hysteretic law of its spring; default: linear"),
-        Key("dashpot", DASHPOT, "viscous damper between mass and floor: force over velocity"),
+        Key("law", stories.LAW, "hysteretic law of its spring; default: linear"),
+        Key(
+            "dashpot", stories.DASHPOT, "viscous damper between mass and floor: force over velocity"
+        ),
         Key("damping", RATIO, "damping ratio on a fixed floor, instead of `dashpot`"),
-        INERTANCE._replace(meaning="inerter between mass and ground; may replace the mass"),
+        stories.INERTANCE._replace(meaning="inerter between mass and ground; may replace the mass"),
     )
 )
 ATTACHMENTS = EntriesOf(_ATTACHMENT, least=1)
@@ -77,9 +71,9 @@ _LINK = Keys(
             needed=True,
         ),
         Key("stiffness", NOT_NEGATIVE, "initial stiffness of a spring; default for a gap: 0"),
-        Key("law", LAW, "hysteretic law of the spring; default: linear"),
-        Key("dashpot", DASHPOT, "viscous damper: force over velocity"),
-        INERTANCE,
+        Key("law", stories.LAW, "hysteretic law of the spring; default: linear"),
+        Key("dashpot", stories.DASHPOT, "viscous damper: force over velocity"),
+        stories.INERTANCE,
     ),
 )
 LINKS = EntriesOf(_LINK, least=1)
@@ -177,7 +171,7 @@ def _read_attachment(
     elif section.has("inertance") and not section.mentions("mass", "weight"):
         mass = 0.0
     else:
-        mass = read_mass(section, unit)
+        mass = stories.read_mass(section, unit)
     spring = _read_device(section, unit, has_spring=True, mass=mass)
     if section.has("damping"):
         section.refuse(("dashpot",), "cannot be used with `damping`; give one of them")
@@ -193,13 +187,13 @@ def _read_device(
     section: Section, unit: ModelUnits, *, has_spring: bool, mass: float = 0.0
 ) -> Story:
     """Return the spring and the dashpot of a device, with an attached mass, kg."""
-    inertance = read_inertance(section, unit)
+    inertance = stories.read_inertance(section, unit)
     stiffness, law = 0.0, LINEAR
     if has_spring:
         inertia = mass + inertance
         is_optional = inertia != 0.0 or section.has("law")
-        stiffness, law = read_spring(section, unit, mass=inertia, is_optional=is_optional)
-    dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
+        stiffness, law = stories.read_spring(section, unit, mass=inertia, is_optional=is_optional)
+    dashpot, power_dashpot, factor = stories.read_dashpot(section.get("dashpot"), unit)
     return Story(
         mass=mass,
         height=None,

@@ -16,18 +16,7 @@ from collections.abc import Mapping, Sequence
 from tdint.errors import did_you_mean
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import Attachment, Link
-from tdint.model.keys.fields import (
-    DRIFT_BOUNDS,
-    POSITIVE,
-    Either,
-    Key,
-    Keys,
-    NamedEntries,
-    Section,
-    TextLine,
-    Value,
-    ValueType,
-)
+from tdint.model.keys import fields
 from tdint.model.limits import (
     ACCELERATION,
     DRIFT_RATIO,
@@ -51,58 +40,60 @@ _NAMES = "^.+$"
 _NAME_MAPPING = f"a mapping from names to limits, such as {{tank: ..., {OTHERS}: ...}}"
 
 
-def _by_story(value_type: ValueType, names: str = _STORY_KEYS) -> Either:
+def _by_story(value_type: fields.ValueType, names: str = _STORY_KEYS) -> fields.Either:
     """Return the type of a value for all stories, or of a mapping from stories or types of laws
     to values; of attachments and links, of a mapping from names (any text)."""
-    return Either((value_type, NamedEntries(value_type, names, least=1)))
+    return fields.Either((value_type, fields.NamedEntries(value_type, names, least=1)))
 
 
-_LENGTH = Either((POSITIVE, TextLine()))
+_LENGTH = fields.Either((fields.POSITIVE, fields.TextLine()))
 _LIMITS = (
-    Key(DRIFT_RATIO, _by_story(DRIFT_BOUNDS), "drift ratio of the stories: 2% or 0.02"),
-    Key(
+    fields.Key(
+        DRIFT_RATIO, _by_story(fields.DRIFT_BOUNDS), "drift ratio of the stories: 2% or 0.02"
+    ),
+    fields.Key(
         RESIDUAL,
-        _by_story(DRIFT_BOUNDS),
+        _by_story(fields.DRIFT_BOUNDS),
         "absolute drift ratio of the stories at the end of the run",
     ),
-    Key(
+    fields.Key(
         ISOLATOR,
         _by_story(_LENGTH),
         "displacement of the stories with `isolator: true`, in the unit of length of the file or "
         "with a unit: 500 mm",
     ),
-    Key(
+    fields.Key(
         ACCELERATION,
         _by_story(_LENGTH),
         "absolute acceleration of the floors, in the unit of length of the file over s^2 or with "
         "a unit: 0.4 g",
     ),
-    Key(
+    fields.Key(
         STROKE,
         _by_story(_LENGTH, _NAMES),
         "displacement of attachments relative to their floors, in the unit of length of the file "
         "or with a unit: 300 mm",
     ),
-    Key(
+    fields.Key(
         LINK_DEFORMATION,
         _by_story(_LENGTH, _NAMES),
         "deformation of links, in the unit of length of the file or with a unit: 50 mm",
     ),
-    Key(
+    fields.Key(
         LINK_FORCE,
-        _by_story(POSITIVE, _NAMES),
+        _by_story(fields.POSITIVE, _NAMES),
         "force of the spring and of the dashpot of links, in the unit of force of the file",
     ),
 )
-_QUANTITIES = Keys(_LIMITS)
+_QUANTITIES = fields.Keys(_LIMITS)
 
 
-LIMITS = Keys(
+LIMITS = fields.Keys(
     (
         *_LIMITS,
-        Key(
+        fields.Key(
             "levels",
-            NamedEntries(_QUANTITIES, least=1),
+            fields.NamedEntries(_QUANTITIES, least=1),
             "limits of performance levels, by the name of the level",
         ),
     )
@@ -115,7 +106,7 @@ _DeviceNames = Mapping[str, tuple[str, ...]]
 
 
 def read_limits(
-    value: Value,
+    value: fields.Value,
     unit: ModelUnits,
     stories: Sequence[Story],
     attachments: Sequence[Attachment],
@@ -151,7 +142,11 @@ def read_limits(
 
 
 def _read_level(
-    section: Section, level: str, unit: ModelUnits, stories: Sequence[Story], names: _DeviceNames
+    section: fields.Section,
+    level: str,
+    unit: ModelUnits,
+    stories: Sequence[Story],
+    names: _DeviceNames,
 ) -> list[Limit]:
     """Return the limits of a single performance level, at most one for each quantity.
 
@@ -172,7 +167,7 @@ def _read_level(
 
 
 def _read_values(
-    entry: Value, quantity: str, unit: ModelUnits, stories: Sequence[Story]
+    entry: fields.Value, quantity: str, unit: ModelUnits, stories: Sequence[Story]
 ) -> tuple[float, ...] | None:
     """Return the limit of each story, nan without a limit or after reporting an error; None if no
     story has the quantity, which is reported."""
@@ -196,7 +191,7 @@ def _read_values(
 
 
 def _read_named_values(
-    entry: Value, quantity: str, unit: ModelUnits, names: Sequence[str]
+    entry: fields.Value, quantity: str, unit: ModelUnits, names: Sequence[str]
 ) -> tuple[float, ...]:
     """Return the limit of each attachment or link, nan without a limit or after reporting an
     error."""
@@ -229,7 +224,7 @@ def _priority(name: str) -> int:
 
 
 def _story_indices(
-    entry: Value, name: str, quantity: str, stories: Sequence[Story], applies: Sequence[bool]
+    entry: fields.Value, name: str, quantity: str, stories: Sequence[Story], applies: Sequence[bool]
 ) -> list[int]:
     """Return the indices (from 0) of the stories that a key of a limit selects.
 
@@ -291,15 +286,15 @@ _LIMIT_UNITS = {
 """Quantity of a limit with a unit, and an example for messages."""
 
 
-def _read_limit(value: Value, quantity: str, unit: ModelUnits) -> float:
+def _read_limit(value: fields.Value, quantity: str, unit: ModelUnits) -> float:
     """Return a limit with a unit, or a number in the units of the file, in SI units; nan after
     reporting an error."""
     si_unit = QUANTITIES[quantity].unit
     if si_unit == "1":
-        return value.number(DRIFT_BOUNDS)
+        return value.number(fields.DRIFT_BOUNDS)
     # A letter that is not the exponent of a number, such as in 1e3, belongs to a unit.
     without_exponent = re.sub(r"[eE][+-]?\d", "", value.word)
     if quantity in _LIMIT_UNITS and re.search(r"[A-Za-z%]", without_exponent):
         example = _LIMIT_UNITS[quantity]
         return value.parsed(lambda text: parse_with_unit(text, *example)) or math.nan
-    return value.number(POSITIVE, unit.force if si_unit == "N" else unit.length)
+    return value.number(fields.POSITIVE, unit.force if si_unit == "N" else unit.length)

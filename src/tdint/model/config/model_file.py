@@ -30,16 +30,8 @@ from tdint.ground_motion.choice import (
     parse_pad,
     parse_trim,
 )
+from tdint.model.config import directions
 from tdint.model.config.devices import ATTACHMENTS, LINKS, read_devices
-from tdint.model.config.directions import (
-    OF_EXCITATION,
-    OF_FILE,
-    check_isolators,
-    documents_of,
-    has_directions,
-    read_azimuth,
-    with_directions,
-)
 from tdint.model.config.matrix_keys import BASE, MATRICES, MATRIX
 from tdint.model.config.sections import (
     DAMPING,
@@ -240,7 +232,7 @@ _EXCITATION_KEYS = (
 )
 EXCITATION = Keys(
     (
-        *with_directions(_EXCITATION_KEYS, OF_EXCITATION),
+        *directions.with_directions(_EXCITATION_KEYS, directions.OF_EXCITATION),
         Key("azimuth", ANY, "of axis x of two directions, degrees clockwise from north"),
     )
 )
@@ -474,7 +466,7 @@ _MODEL_KEYS = (
     ),
 )
 _MODEL = Keys(
-    with_directions(_MODEL_KEYS, OF_FILE),
+    directions.with_directions(_MODEL_KEYS, directions.OF_FILE),
     one_of=(("stories", "building", "matrices"),),
     other_names=(
         *((name, "attachments") for name in ("absorbers", "absorber", "tmd", "tmds", "equipment")),
@@ -553,7 +545,7 @@ def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
 
     The mapping is the content of a model file, or a part of a file of another type.
     """
-    if has_directions(value):
+    if directions.has_directions(value):
         return _read_directions(value, origin)
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None
@@ -561,16 +553,16 @@ def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
 
 def _read_directions(value: Value, origin: SourceText) -> Model | None:
     """Return the model of a file with two directions (`Model.across`)."""
-    sections = [document.section(_MODEL) for document in documents_of(value)]
+    sections = [document.section(_MODEL) for document in directions.documents_of(value)]
     models = [_read_model(section, origin) for section in sections if section]
     if len(models) < len(sections):
         return None
     x, y = models
     for model in models:
-        check_isolators(value, model.stories)
+        directions.check_isolators(value, model.stories)
     if y.excitation.record and not x.excitation.record:
         value.fault("excitation.x: the ground motion is missing; give that of both directions")
-    azimuth = read_azimuth(value, has_pair=not y.excitation.record)
+    azimuth = directions.read_azimuth(value, has_pair=not y.excitation.record)
     return replace(x, across=y, axis_azimuth=azimuth, document=value.node)
 
 

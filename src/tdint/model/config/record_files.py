@@ -20,46 +20,39 @@ from tdint.files import STDIN
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import USUAL, PairNames
 from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
+from tdint.model.keys import fields
 from tdint.model.keys.document import read_document
-from tdint.model.keys.fields import (
-    Either,
-    EntriesOf,
-    Flag,
-    Key,
-    Keys,
-    Section,
-    TextLine,
-    Value,
-)
 
-UNITS = Key(
+UNITS = fields.Key(
     "units",
-    TextLine(),
+    fields.TextLine(),
     "units of the samples, if the files do not state them: m/s^2, g, ...; by file "
     "'AT2=g,*.mseed=m/s^2', or a table of units, relative to this file",
 )
 FILES = (
-    Key(
+    fields.Key(
         "files",
-        Either((TextLine(), EntriesOf(TextLine(), least=1))),
+        fields.Either((fields.TextLine(), fields.EntriesOf(fields.TextLine(), least=1))),
         "record, or list of records, patterns (*.AT2) and directories, relative to this file",
     ),
-    Key(
+    fields.Key(
         "component",
-        TextLine(),
+        fields.TextLine(),
         "component, if files contain several; all horizontal components by default",
     ),
-    Key(
+    fields.Key(
         "pairs",
-        Either((Flag(), TextLine())),
+        fields.Either((fields.Flag(), fields.TextLine())),
         "combine the two horizontal components of a motion, so that they have the same factors: "
         "true, or patterns of the file names: '{}_N.AT2,{}_E.AT2'",
     ),
-    Key("inventory", TextLine(), "station metadata, to remove the instrument response"),
+    fields.Key(
+        "inventory", fields.TextLine(), "station metadata, to remove the instrument response"
+    ),
     *LAYOUT,
     *PROCESSING,
 )
-_DESCRIPTION = Keys((*FILES, UNITS))
+_DESCRIPTION = fields.Keys((*FILES, UNITS))
 _OTHER_YAML = frozenset(("stories", "building", "buildings", "matrices"))
 """Keys of model files and campaign files, which are no descriptions of records."""
 
@@ -113,7 +106,7 @@ def read_description(source: str) -> RecordFiles | None:
     return described
 
 
-def read_files(section: Section) -> RecordFiles:
+def read_files(section: fields.Section) -> RecordFiles:
     """Return the files of a section with the keys `FILES` and `UNITS`, and the options for reading.
     Errors are recorded in the document."""
     empty = "is empty; give at least one record"
@@ -125,7 +118,7 @@ def read_files(section: Section) -> RecordFiles:
     return RecordFiles(files, choice_of_files(section), pair_names)
 
 
-def _pair_names(value: Value) -> PairNames | None:
+def _pair_names(value: fields.Value) -> PairNames | None:
     """Return the naming scheme of the files of pairs: patterns such as `{}_N.AT2,{}_E.AT2`, or the
     usual names for `true`; None for `false` and for an invalid value, which is recorded as an
     error."""
@@ -134,7 +127,7 @@ def _pair_names(value: Value) -> PairNames | None:
     return USUAL if value.boolean() else None
 
 
-def choice_of_files(section: Section) -> RecordChoice:
+def choice_of_files(section: fields.Section) -> RecordChoice:
     """Return the selection of components and the processing of the records. An error is recorded if
     the keys `units` and `inventory` (station metadata, which contain the units) are combined."""
     choice, units = read_choice(section, stdin=False, many=True), section.get("units")

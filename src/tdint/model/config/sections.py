@@ -10,19 +10,7 @@ from typing import Any, NamedTuple
 from tdint import units
 from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
 from tdint.model.definition import Damping, ModalDamping, RayleighCoefficients, RayleighRatio
-from tdint.model.keys.fields import (
-    NOT_NEGATIVE,
-    RATIO,
-    Choice,
-    Either,
-    EntriesOf,
-    Flag,
-    Key,
-    Keys,
-    Section,
-    Value,
-    numbered,
-)
+from tdint.model.keys import fields
 
 # ---- The section `units` of a model file, and the units of the samples of a record
 
@@ -37,13 +25,13 @@ _UNITS_WITHOUT_MASS = tuple(
 """Units of length and force that do not determine the unit of mass: with kN it is usually t, with
 mm it can be any unit."""
 
-UNITS = Keys(
+UNITS = fields.Keys(
     (
-        Key("length", Choice(tuple(units.LENGTH)), "unit of length; default: m"),
-        Key("force", Choice(tuple(units.FORCE)), "unit of force; default: N"),
-        Key(
+        fields.Key("length", fields.Choice(tuple(units.LENGTH)), "unit of length; default: m"),
+        fields.Key("force", fields.Choice(tuple(units.FORCE)), "unit of force; default: N"),
+        fields.Key(
             "mass",
-            Choice(tuple(units.MASS)),
+            fields.Choice(tuple(units.MASS)),
             "unit of mass; default: kg; required for masses if length is not m or force is not N",
         ),
     )
@@ -81,7 +69,7 @@ class ModelUnits(NamedTuple):
             return math.inf
 
 
-def read_units(section: Section) -> ModelUnits:
+def read_units(section: fields.Section) -> ModelUnits:
     """Return the units of the file. Default: m, N and kg.
 
     Parameters
@@ -124,7 +112,7 @@ def read_units(section: Section) -> ModelUnits:
     )
 
 
-def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
+def read_sample_units(value: fields.Value | None, quantity: str | None = None) -> str | None:
     """Return the units of samples as text; None if they are missing or invalid. Units of another
     quantity than the required are reported and returned.
 
@@ -147,7 +135,7 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
     return value.word
 
 
-def read_file_units(value: Value | None) -> SampleUnits | None:
+def read_file_units(value: fields.Value | None) -> SampleUnits | None:
     """Return the units of several records: one unit, units by file, or a table of units.
 
     None is the result if the value is missing, or after reporting an error with its line.
@@ -177,42 +165,46 @@ _SECOND_MODE = 3
 """Second mode with the damping ratio of `damping: 5%`, if the building has at least three modes."""
 
 
-def _damping_type(count: int | None) -> Either:
+def _damping_type(count: int | None) -> fields.Either:
     """Return the description of the key `damping` in a model file: the allowed forms of the value,
     and functions `make` that convert a checked value to damping ratios or coefficients.
 
     The number of stories limits the modes; None if it is unknown.
     """
     # The value of `rayleigh` is {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}.
-    mode = numbered(count)
-    two_ratios = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT_LIST_ERROR)
-    modes = EntriesOf(
+    mode = fields.numbered(count)
+    two_ratios = fields.EntriesOf(
+        fields.RATIO, 2, 2, "one damping ratio or a list of two", _SHORT_LIST_ERROR
+    )
+    modes = fields.EntriesOf(
         mode,
         1,
         2,
         "a list of two modes, or of one mode for damping proportional to the stiffness",
         distinct="" if count == 1 else "two different modes",
     )
-    rayleigh = Keys(
+    rayleigh = fields.Keys(
         (
-            Key(
+            fields.Key(
                 "ratio",
-                Either((RATIO, two_ratios)),
+                fields.Either((fields.RATIO, two_ratios)),
                 "damping ratio in both modes, or in each",
                 advice=f"give {two_ratios.description}",
             ),
-            Key(
+            fields.Key(
                 "modes",
                 modes,
                 "two modes, from 1 at the longest period; one mode for damping proportional to the "
                 "stiffness",
                 advice=f"give {modes.description}",
             ),
-            Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
-            Key("stiffness", NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"),
-            Key(
+            fields.Key("mass", fields.NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
+            fields.Key(
+                "stiffness", fields.NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"
+            ),
+            fields.Key(
                 "tangent",
-                Flag(),
+                fields.Flag(),
                 "true for damping with the tangent stiffness of the stories instead of the initial "
                 "stiffness",
             ),
@@ -224,36 +216,36 @@ def _damping_type(count: int | None) -> Either:
     # The value of `modal` is a ratio for all modes, a list of ratios, or {ratio: ..., modes: ...}
     # for the first modes.
     list_text = f"a list of at most {count} damping ratios (one per mode)"
-    ratio_list = EntriesOf(RATIO, 2, count, list_text, _SHORT_LIST_ERROR)
-    first_modes = Keys(
+    ratio_list = fields.EntriesOf(fields.RATIO, 2, count, list_text, _SHORT_LIST_ERROR)
+    first_modes = fields.Keys(
         (
-            Key(
+            fields.Key(
                 "ratio",
-                Either((RATIO, ratio_list)),
+                fields.Either((fields.RATIO, ratio_list)),
                 "damping ratio, or one per mode",
                 needed=True,
                 advice="give the damping ratio",
             ),
-            Key("modes", mode, "number of damped modes; default: all"),
-            Key(
+            fields.Key("modes", mode, "number of damped modes; default: all"),
+            fields.Key(
                 "p_delta",
-                Flag(),
+                fields.Flag(),
                 "false for the modes of the stiffness without P-delta; default: true",
             ),
         ),
         make=lambda value, ratio, modes, p_delta: _modal(value, count, ratio, modes, p_delta),
     )
-    modal = Either((RATIO, ratio_list, first_modes))
+    modal = fields.Either((fields.RATIO, ratio_list, first_modes))
     # A mapping contains exactly one of the keys `rayleigh` and `modal`. A list of ratios has been
     # converted to a tuple.
-    forms = Keys(
+    forms = fields.Keys(
         (
-            Key(
+            fields.Key(
                 "rayleigh",
                 rayleigh,
                 "C = a0 M + a1 K, through the damping ratios of two modes or by coefficients",
             ),
-            Key("modal", modal, "damping ratios of modes"),
+            fields.Key("modal", modal, "damping ratios of modes"),
         ),
         one_of=(("rayleigh", "modal"),),
         alternative_groups=(("rayleigh",), ("modal",)),
@@ -267,11 +259,11 @@ def _damping_type(count: int | None) -> Either:
             )
         ),
     )
-    return Either((Choice(("none",)), RATIO, forms), forms.description)
+    return fields.Either((fields.Choice(("none",)), fields.RATIO, forms), forms.description)
 
 
 def _modal(
-    value: Value, count: int | None, ratio: Any, modes: int | None, p_delta: bool | None
+    value: fields.Value, count: int | None, ratio: Any, modes: int | None, p_delta: bool | None
 ) -> ModalDamping:
     """Return modal damping with one ratio, or with a tuple of ratios of the first modes."""
     ratios = ratio if isinstance(ratio, tuple) else (ratio,)
@@ -284,7 +276,7 @@ def _modal(
 
 
 def _rayleigh(
-    value: Value,
+    value: fields.Value,
     count: int | None,
     ratio: Any,
     modes: Any,
@@ -312,7 +304,7 @@ def _rayleigh(
 DAMPING = _damping_type(None)
 
 
-def read_damping(value: Value | None, count: int | None) -> Damping:
+def read_damping(value: fields.Value | None, count: int | None) -> Damping:
     """Return the damping of a building; None without damping or after reporting an error.
 
     A single ratio is Rayleigh damping in modes 1 and 3, or in modes 1 and `count` for fewer than

@@ -1,8 +1,7 @@
 """Read the `stories` of a model file and their hysteretic laws.
 
 The value of `law` is the name of a law, or a mapping with `type` and the parameters of the law in
-`LAWS`.
-"""
+`LAWS`."""
 
 from __future__ import annotations
 
@@ -14,11 +13,12 @@ from typing import NamedTuple
 
 from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
+from tdint.model import story_laws
 from tdint.model.config.directions import OF_STORY, with_directions
-from tdint.model.config.fractures import FRACTURE, read_fracture
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
     ANY,
+    DRIFT_BOUNDS,
     NOT_NEGATIVE,
     POSITIVE,
     RATIO,
@@ -37,17 +37,73 @@ from tdint.model.keys.fields import (
     ValueType,
 )
 from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Relief, Story, column_name
-from tdint.model.story_laws import (
-    LAWS,
-    LINEAR,
-    SUM_OF_ELEMENTS,
-    Law,
-    default_numbers,
-    four_points,
-    laws,
-)
+from tdint.model.story_laws import LAWS, Law
 from tdint.number_parsing import pluralize
 from tdint.units import MASS, STANDARD_GRAVITY
+
+_SIDES = ("positive", "negative")
+_DRIFT = Either((POSITIVE, DRIFT_BOUNDS))
+FRACTURE = Key(
+    "fracture_drift",
+    Either((_DRIFT, Keys(tuple(Key(name, _DRIFT) for name in _SIDES)))),
+    "drift at which the force is lost permanently; with %: a ratio of the story height",
+)
+"""Key of every law and element."""
+
+
+def read_fracture(
+    value: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
+) -> Law:
+    """Return a law with the drifts of its fracture: one drift for both sides, or a mapping of the
+    sides.
+
+    Parameters
+    ----------
+    value : Value
+        Mapping of the law or of the element.
+    stiffness : float
+        Initial stiffness, N/m.
+    height : float | None
+        Height of the story, m.
+    """
+    entry = value.peek(FRACTURE.name)
+    if entry is None:
+        return law
+    if not entry.is_mapping:
+        sides: list[Value | None] = [entry, entry]
+    elif section := entry.section(list(_SIDES)):
+        sides = [section.get(name) for name in _SIDES]
+    else:
+        return law
+    drifts = [side and _read_drift(side, law, stiffness, unit, height) for side in sides]
+    (positive, ratio), (negative, negative_ratio) = (drift or (0.0, 0.0) for drift in drifts)
+    if math.isnan(positive + negative):
+        return law
+    return replace(law, fracture=(positive, -negative), fracture_ratio=(ratio, -negative_ratio))
+
+
+def _read_drift(
+    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
+) -> tuple[float, float]:
+    """Return a drift, m (nan after an error), and its ratio to the height, 0 for a length."""
+    ratio = 0.0
+    if not entry.is_percentage:
+        drift = entry.number(POSITIVE, unit.length)
+    elif height is None:
+        entry.fault("needs the height of the story, or give a drift in the unit of length")
+        return math.nan, ratio
+    else:
+        # A story height is not divided by the cosine of an inclined element.
+        ratio = entry.number(DRIFT_BOUNDS)
+        drift = ratio * height
+    first_yield = LAWS[law.name].yield_drift(stiffness, law.parameters)
+    if drift < first_yield:
+        entry.fault(
+            f"must be at least the yield drift {first_yield / unit.length:.6g}, got "
+            f"{drift / unit.length:.6g}"
+        )
+    return drift, ratio
+
 
 Group = Section | float | None
 """Values of a group of parameters: a section with an entry per parameter, one number in SI units
@@ -148,10 +204,10 @@ class _LawType(NamedTuple):
                     *_law_keys(law),
                 )
             )
-            for law in laws().values()
+            for law in story_laws.laws().values()
         ]
         if self.is_name_allowed:
-            names = (name for name, law in laws().items() if not law.parameters)
+            names = (name for name, law in story_laws.laws().items() if not law.parameters)
             types.insert(0, Choice(tuple(names)))
         return Either(tuple(types)).schema()
 
@@ -169,7 +225,7 @@ ELEMENTS = EntriesOf(
 )
 
 
-def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
+def read_law(value: Value | None, unit: ModelUnits) -> tuple[story_laws.Law, float | None]:
     """Return a law, and its initial stiffness (N/m) if the parameters of the law determine it.
 
     The stiffness is `None` if the parameters do not determine it, so that the key `stiffness` of
@@ -181,18 +237,18 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
         Value of the key `law`; None for a linear story.
     """
     if value is None:
-        return LINEAR, None
+        return story_laws.LINEAR, None
     if value.is_list:
         value.fault(
             "must be a law, got a list; several laws in one story are written as "
             "`elements: [{type: ..., stiffness: ...}, ...]`"
         )
-        return LINEAR, math.nan
+        return story_laws.LINEAR, math.nan
     law, section = _read_law_type(value)
     if law is None:
-        return LINEAR, math.nan
+        return story_laws.LINEAR, math.nan
     parameters = _read_parameters(section, law, unit) if section else ()
-    result = Law(law.name, parameters)
+    result = story_laws.Law(law.name, parameters)
     if law.initial_stiffness is None:
         return result, None
 
@@ -221,35 +277,35 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     # The name without parameters is valid only if the law has no parameters.
     if not value.is_mapping:
         name = _law_name(value)
-        if name and LAWS[name].parameters:
+        if name and story_laws.LAWS[name].parameters:
             required_names = (
                 item.name
-                for item in LAWS[name].parameters
+                for item in story_laws.LAWS[name].parameters
                 if item.default is None and item.without is None
             )
             names = ", ".join(f"{item}: ..." for item in required_names)
             value.fault(f"the {name} law requires parameters; write {{type: {name}, {names}}}")
-        return (LAWS[name] if name else None), None
+        return (story_laws.LAWS[name] if name else None), None
     law_type = value.peek("type")
     name = _law_name(law_type) if law_type else None
     # After an error in the name, the keys of all laws are allowed, so that no correct key is
     # reported as unknown.
-    possible_laws = [LAWS[name]] if name else LAWS.values()
+    possible_laws = [story_laws.LAWS[name]] if name else story_laws.LAWS.values()
     allowed_keys = ["type", FRACTURE.name, *further_keys]
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
     declared = tuple(Key(key, ANY) for key in dict.fromkeys(allowed_keys))
-    keys = Keys(declared, other_names=LAWS[name].other_keys if name else ())
+    keys = Keys(declared, other_names=story_laws.LAWS[name].other_keys if name else ())
     section = value.section(keys)
     if section:
-        section.need("type", f"give one of {', '.join(LAWS)}")
-    return (LAWS[name] if name else None), section
+        section.need("type", f"give one of {', '.join(story_laws.LAWS)}")
+    return (story_laws.LAWS[name] if name else None), section
 
 
 def _law_name(value: Value) -> str | None:
     """Return the name of a law; None after reporting an error."""
     # For a built-in law, the installed packages, which may contain more laws, are not searched.
-    candidates = LAWS if any(map(value.is_word, LAWS)) else laws()
+    candidates = story_laws.LAWS if any(map(value.is_word, story_laws.LAWS)) else story_laws.laws()
     for name, reason in UNAVAILABLE.items():
         if value.is_word(name):
             value.fault(reason)
@@ -333,9 +389,9 @@ def _read_parameter(
     if isinstance(group, float):
         return tuple(group for _ in unknown)
     if group is None:
-        return default_numbers(parameter, earlier) or unknown
+        return story_laws.default_numbers(parameter, earlier) or unknown
     # `without` applies only if the file omits the group.
-    default = default_numbers(replace(parameter, without=None), earlier)
+    default = story_laws.default_numbers(replace(parameter, without=None), earlier)
     if default and not group.has(parameter.name):
         return default
     if parameter.points:
@@ -376,7 +432,7 @@ def _read_points(
     if not has_allowed_length or any(pair is not None and len(pair) != 2 for pair in pairs):
         long_forms = [
             f"; for more points use {other.long_form}"
-            for law in LAWS.values()
+            for law in story_laws.LAWS.values()
             for other in law.parameters
             if parameter.points < len(pairs) <= other.points and other.long_form
         ]
@@ -395,7 +451,7 @@ def _read_points(
     if not all(points):
         return None
     if not parameter.open_ended:
-        return four_points(points)
+        return story_laws.four_points(points)
     if points[0][0] == 0.0:
         items[0].fault(
             "must be the first corner, whose force over its drift is the initial stiffness, not "
@@ -516,7 +572,7 @@ def read_stories(
     stories: list[Story] = []
     count: int | None = 0  # number of stories; None after an error in `repeat`
     for entry in entries:
-        story, repeat = Story(math.nan, None, math.nan, LINEAR, math.nan), None
+        story, repeat = Story(math.nan, None, math.nan, story_laws.LINEAR, math.nan), None
         if section := entry.section(_STORY):
             is_linear = has_matrix or entry.peek("flexural") is not None
             read = _read_story_without_spring if is_linear else _read_story
@@ -550,7 +606,7 @@ def _read_story(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
     if elements_entry := section.get("elements"):
         elements = _read_elements(section, elements_entry, unit, height)
         stiffness = sum(element.stiffness for element in elements) if elements else math.nan
-        law = SUM_OF_ELEMENTS
+        law = story_laws.SUM_OF_ELEMENTS
         # A story with a single element, which is not inclined, is a story with a law.
         if len(elements) == 1 and elements[0].factor == 1.0:
             law, elements = elements[0].law, ()
@@ -617,7 +673,7 @@ def _read_story_without_spring(section: Section, unit: ModelUnits, p_delta: bool
         read_mass(section, unit, NOT_NEGATIVE),
         height.number(scale=unit.length) if height else None,
         math.nan,
-        LINEAR,
+        story_laws.LINEAR,
         0.0,
         flexural=flexural,
     )
@@ -630,14 +686,14 @@ def read_spring(
     mass: float = math.nan,
     height: float | None = None,
     is_optional: bool = False,
-) -> tuple[float, Law]:
+) -> tuple[float, story_laws.Law]:
     """Return the initial stiffness (N/m; nan after an error) and the law of a spring. With
     `is_optional`, the spring may have no stiffness, or no stiffness before it stiffens."""
     entry = section.get("law")
     law, stiffness_of_law = read_law(entry, unit)
-    is_held = law == LINEAR and section.has("stiffness")
+    is_held = law == story_laws.LINEAR and section.has("stiffness")
     is_known = law.parameters and not any(map(math.isnan, law.parameters))
-    may_be_soft = is_held or (is_known and LAWS[law.name].stiffens(law.parameters))
+    may_be_soft = is_held or (is_known and story_laws.LAWS[law.name].stiffens(law.parameters))
     stiffness = _read_stiffness(
         section, law.name, stiffness_of_law, unit, mass, is_optional and bool(may_be_soft)
     )
@@ -645,13 +701,13 @@ def read_spring(
 
 
 def _checked_law(
-    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
-) -> Law:
+    entry: Value, law: story_laws.Law, stiffness: float, unit: ModelUnits, height: float | None
+) -> story_laws.Law:
     """Return a law with its fracture. Parameters and stiffness can be valid separately, but their
     combination invalid, which is reported."""
     if any(map(math.isnan, (stiffness, *law.parameters))):
         return law
-    if fault := LAWS[law.name].fault(stiffness, law.parameters):
+    if fault := story_laws.LAWS[law.name].fault(stiffness, law.parameters):
         entry.fault(fault)
         return law
     return read_fracture(entry, law, stiffness, unit, height)
@@ -703,7 +759,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
     """Return an element. Its name is empty if the file does not specify it; its stiffness is nan
     after an error.
     """
-    unknown = Element("", math.nan, LINEAR)
+    unknown = Element("", math.nan, story_laws.LINEAR)
     if not entry.is_mapping:
         entry.fault("must be a mapping with `type`, `stiffness` and the parameters of the law")
         return unknown
@@ -738,7 +794,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
         stiffness = _read_stiffness(
             section, law.name, stiffness_of_law, unit, is_optional=is_optional
         )
-    result = _checked_law(entry, Law(law.name, parameters), stiffness, unit, height)
+    result = _checked_law(entry, story_laws.Law(law.name, parameters), stiffness, unit, height)
     if not has_unknown and law.tangent_damping(parameters, 1.0):
         entry.fault("damping of a law in contact is possible in attachments and links only")
     return Element(name, math.nan if has_unknown else stiffness, result, cosine)

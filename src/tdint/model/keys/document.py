@@ -15,18 +15,8 @@ import yaml
 
 from tdint.errors import ModelError
 from tdint.files import read_whole, record_digest
+from tdint.model.keys import nodes
 from tdint.model.keys.fields import Value
-from tdint.model.keys.nodes import (
-    MAX_DEPTH,
-    Faults,
-    ListNode,
-    Location,
-    MappingNode,
-    Node,
-    ScalarNode,
-    nodes_of,
-    text_of,
-)
 
 _MAX_KEYS = 10_000
 """Maximum number of keys of a mapping. Names of parameters or of damage states are the longest
@@ -151,15 +141,15 @@ def read_document(
         The document cannot be read or is not YAML.
     """
     if isinstance(source, Mapping):
-        faults = Faults("model")
-        node = nodes_of(source, faults)
-        return SourceText("model", "model", Path(), text_of(node)), Value(node, "", faults)
+        faults = nodes.Faults("model")
+        node = nodes.nodes_of(source, faults)
+        return SourceText("model", "model", Path(), nodes.text_of(node)), Value(node, "", faults)
     origin = read_source(source, file_type)
-    faults = Faults(origin.label, file_type, needs, origin.folder)
+    faults = nodes.Faults(origin.label, file_type, needs, origin.folder)
     return origin, Value(parse(decode(origin.data, faults), faults), "", faults)
 
 
-def parse(text: str, faults: Faults) -> Node:
+def parse(text: str, faults: nodes.Faults) -> nodes.Node:
     """Return the root node of the only document in `text`.
 
     Tags are reported in `faults`, and reading continues. Other syntax errors raise an exception.
@@ -175,7 +165,7 @@ def parse(text: str, faults: Faults) -> Node:
     except yaml.reader.ReaderError as error:
         line, column = _line_and_column(text[: error.position])
         message = f"invalid character U+{ord(text[error.position]):04X} in a YAML file; remove it"
-        faults.add(Location(line, column), "", message)
+        faults.add(nodes.Location(line, column), "", message)
     except yaml.MarkedYAMLError as error:
         # Join the lines of PyYAML's message, and add a remedy for tabs.
         mark, problem = error.problem_mark or error.context_mark, error.problem_mark
@@ -184,12 +174,14 @@ def parse(text: str, faults: Faults) -> Node:
         if problem is not None and text[problem.index : problem.index + 1] == "\t":
             message += "; indent with spaces, not tabs"
         faults.add(
-            Location(mark.line + 1, mark.column + 1) if mark else Location(1, 1), "", message
+            nodes.Location(mark.line + 1, mark.column + 1) if mark else nodes.Location(1, 1),
+            "",
+            message,
         )
     raise faults.error()
 
 
-def decode(data: bytes, faults: Faults) -> str:
+def decode(data: bytes, faults: nodes.Faults) -> str:
     """Return `data` as text, without a byte order mark.
 
     Raises
@@ -203,7 +195,7 @@ def decode(data: bytes, faults: Faults) -> str:
         line, column = _line_and_column(error.object[: error.start].decode("utf-8", "replace"))
         byte = error.object[error.start]
         faults.add(
-            Location(line, column),
+            nodes.Location(line, column),
             "",
             f"not UTF-8 text (byte 0x{byte:02x}); save the {faults.file_type} as UTF-8",
         )
@@ -218,16 +210,16 @@ def compose(text: str) -> Any:
 class _Composer:
     """Builder of nodes from the events of PyYAML's parser; errors are added to `faults`."""
 
-    def __init__(self, text: str, faults: Faults) -> None:
+    def __init__(self, text: str, faults: nodes.Faults) -> None:
         """Start the parser at the beginning of the text."""
         self._loader = yaml.SafeLoader(text)
         self._faults = faults
         # Node of each anchor and its number of nodes with all aliases; None while it is read
-        self._anchors: dict[str, tuple[Node, int] | None] = {}
+        self._anchors: dict[str, tuple[nodes.Node, int] | None] = {}
         self._count = 0  # nodes until now, with all aliases
         self._aliased = 0  # the part of the nodes that aliases repeat
 
-    def document(self) -> Node:
+    def document(self) -> nodes.Node:
         """Return the root of the only document."""
         self._next_event()  # the start of the stream
         start = self._next_event()
@@ -266,7 +258,7 @@ class _Composer:
         self._faults.add(_event_location(event), "", message)
         return self._faults.error()
 
-    def _build_node(self, event: yaml.Event, depth: int) -> Node:
+    def _build_node(self, event: yaml.Event, depth: int) -> nodes.Node:
         """Return the node that starts with an event at a nesting level (0 for the root); reads all
         events of a list or mapping. ModelError is raised if an alias has no anchor or is inside its
         own anchor, or the nesting is too deep.
@@ -288,10 +280,11 @@ class _Composer:
                     "long lists in a file of their own",
                 )
             return anchored_node
-        if depth > MAX_DEPTH:
+        if depth > nodes.MAX_DEPTH:
             raise self._error(
                 event,
-                f"more than {MAX_DEPTH} nested levels; this is not a {self._faults.file_type}",
+                f"more than {nodes.MAX_DEPTH} nested levels; this is not a "
+                f"{self._faults.file_type}",
             )
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         location = _event_location(event)
@@ -304,13 +297,15 @@ class _Composer:
         if event.anchor is not None:
             # None marks an incomplete node. An alias inside it would be an infinite recursion.
             self._anchors[event.anchor] = None
-        node: Node
+        node: nodes.Node
         count_before = self._count
         self._count += 1
         if isinstance(event, yaml.ScalarEvent):
-            node = ScalarNode(location.line, location.column, event.value, plain=not event.style)
+            node = nodes.ScalarNode(
+                location.line, location.column, event.value, plain=not event.style
+            )
         elif isinstance(event, yaml.SequenceStartEvent):
-            node = ListNode(
+            node = nodes.ListNode(
                 location.line,
                 location.column,
                 tuple(self._build_children(yaml.SequenceEndEvent, depth)),
@@ -319,14 +314,14 @@ class _Composer:
             children = self._build_children(yaml.MappingEndEvent, depth)
             # Keys and values alternate. Both arguments of zip are the same iterator, so zip forms
             # pairs of key and value.
-            node = MappingNode(
+            node = nodes.MappingNode(
                 location.line, location.column, tuple(zip(children, children, strict=True))
             )
         if event.anchor is not None:
             self._anchors[event.anchor] = node, self._count - count_before
         return node
 
-    def _build_children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
+    def _build_children(self, end: type[yaml.Event], depth: int) -> Iterator[nodes.Node]:
         """Yield the nodes of a list, or alternately the keys and values of a mapping, until `end`.
         ModelError is raised if a mapping has too many keys.
         """
@@ -354,7 +349,7 @@ def _line_and_column(text: str) -> tuple[int, int]:
     return text.count("\n") + 1, len(text) - text.rfind("\n")
 
 
-def _event_location(event: yaml.Event) -> Location:
+def _event_location(event: yaml.Event) -> nodes.Location:
     """Return the line and column of an event, counted from 1."""
     assert event.start_mark is not None
-    return Location(event.start_mark.line + 1, event.start_mark.column + 1)
+    return nodes.Location(event.start_mark.line + 1, event.start_mark.column + 1)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
-    from tdint.output.figures import directions as directions
     from tdint.output.figures import floor_spectra as floor_spectra
     from tdint.output.figures import loads as loads
     from tdint.output.figures import mode_shapes as mode_shapes

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import is_vertical
-from tdint.ground_motion.record import Record, component_names, named_components
+from tdint.ground_motion.record import component_names, named_components
 from tdint.number_parsing import pluralize
 from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output.figures.legends import add_legend
@@ -65,25 +65,13 @@ _LABEL_RANGE = 0.85  # fraction of the axes that contains the labels of scales
 _MIN_DISTANCE = 0.09  # minimum distance of labels as a fraction of the axes
 
 
-class OverPeriods(Protocol):
-    """Attributes of a line over the period; `periods` (s) has the shape (k,)."""
-
-    @property
-    def record(self) -> Record: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def periods(self) -> Array: ...
-
-
-Line = TypeVar("Line", bound=OverPeriods)
-Panel = tuple[str, Callable[[Line], Array]]
+Panel = tuple[str, Callable[[Any], Array]]
 """Label of the values, and function that returns the values of a line, shape (k,)."""
 
 
 def draw_over_periods(
-    results: Sequence[Line],
-    panels: Sequence[Panel[Line]],
+    results: Sequence[Any],
+    panels: Sequence[Panel],
     labels: Sequence[str],
     variants: Sequence[Hashable] | None = None,
     *,
@@ -149,12 +137,12 @@ def draw_over_periods(
     return figure
 
 
-def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
+def _motions(results: Sequence[Any]) -> list[tuple[str, str]]:
     """Return the file of the record and the name of the component of each result."""
     return named_components([result.record for result in results])
 
 
-def is_suite(results: Sequence[OverPeriods]) -> bool:
+def is_suite(results: Sequence[Any]) -> bool:
     """Return True if results are plotted as a suite, with median and fractiles.
 
     This requires at least `_MIN_SUITE` ground motions and equal periods of all results.
@@ -164,7 +152,7 @@ def is_suite(results: Sequence[OverPeriods]) -> bool:
     return all(np.array_equal(result.periods, results[0].periods) for result in results)
 
 
-def in_median(results: Sequence[OverPeriods]) -> list[bool]:
+def in_median(results: Sequence[Any]) -> list[bool]:
     """Return a list with True for each result that the median of a suite includes.
 
     Vertical components are excluded if there are horizontal components.
@@ -175,8 +163,8 @@ def in_median(results: Sequence[OverPeriods]) -> list[bool]:
 
 def _draw_suite(
     column: Any,
-    results: Sequence[Line],
-    panels: Sequence[Panel[Line]],
+    results: Sequence[Any],
+    panels: Sequence[Panel],
     variants: Sequence[Hashable],
 ) -> dict[str, Any]:
     """Plot the lines of all results in gray, with median and fractiles of each variant."""
@@ -237,7 +225,7 @@ def log_periods(axes: Any, periods: Array) -> None:
     plain_minor_numbers(axes.xaxis, every=high < 12.0 * low)
 
 
-def line_labels(results: Sequence[OverPeriods]) -> list[str]:
+def line_labels(results: Sequence[Any]) -> list[str]:
     """Return the label of each line over the period.
 
     It consists of the file of the record (with several files), the component, and the damping ratio
@@ -255,9 +243,7 @@ def line_labels(results: Sequence[OverPeriods]) -> list[str]:
     return labels
 
 
-def over_periods_title(
-    single_title: str, several: str, results: Sequence[OverPeriods], more: str
-) -> str:
+def over_periods_title(single_title: str, several: str, results: Sequence[Any], more: str) -> str:
     """Return the title of a figure over the period.
 
     The first line is `single_title` with the file and the component of a single result, or
@@ -578,7 +564,7 @@ def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: Out
     return draw_over_periods(spectra, _elastic_panels(units), labels)
 
 
-def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
+def _elastic_panels(units: OutputUnits) -> list[Panel]:
     """Return the two panels of elastic spectra: pseudo-acceleration and displacement.
 
     A panel is a tuple of the label of its axis and a function that returns the values of a spectrum
@@ -637,7 +623,7 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     spectra : sequence of InelasticSpectrum
         Spectra; at least one; all for ductilities or all for strengths.
     """
-    panels: list[Panel[InelasticSpectrum]] = [
+    panels: list[Panel] = [
         ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
         if spectra[0].target is not None
         else ("ductility", lambda spectrum: spectrum.ductility),
@@ -750,7 +736,7 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
         Spectra of the same type of building; at least one.
     """
     beam = spectra[0].stories[0] == 0  # the number of stories of a continuous shear beam is 0
-    panels: list[Panel[DriftSpectrum]] = [
+    panels: list[Panel] = [
         (
             "drift ratio at the base (%)" if beam else "maximum story drift ratio (%)",
             lambda spectrum: 100.0 * spectrum.peak_drift_ratio,
@@ -804,7 +790,7 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
     """
     units = units.in_figures
     name, si = _NAMES[lines[0].published.quantity]
-    panels: list[Panel[SpectrumDifference]] = [
+    panels: list[Panel] = [
         (f"{name} ({units.label(si)})", lambda line: units.of(line.computed, si)),
         ("computed / published - 1 (%)", lambda line: 100.0 * line.relative_difference),
     ]

@@ -21,20 +21,9 @@ from tdint.arrays import Array
 from tdint.errors import AnalysisError, ModelError
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import RUNAWAY
+from tdint.methods import workspace
 from tdint.methods.exact_step import oscillator, van_loan
 from tdint.methods.linear_step import Coefficients, transition
-from tdint.methods.workspace import (
-    BASE_DISPLACEMENT,
-    BASE_ROTATION,
-    BENDING_DRIFT,
-    INERTER_FORCE,
-    MOMENT,
-    ROTATION,
-    SHEAR_DRIFT,
-    TOTAL_BASE_MOMENT,
-    UNROTATED_DRIFT,
-    Workspace,
-)
 from tdint.model.building import Building
 from tdint.model.force_arrays import add_force_history
 from tdint.model.linear_system import Lag
@@ -171,7 +160,7 @@ class LinearLoop:
         loads: tuple[Array, Array],
         h: float,
         ground: Array,
-        space: Workspace,
+        space: workspace.Workspace,
         coefficients: Coefficients | None = None,
     ) -> None:
         assert building.system is not None
@@ -335,25 +324,25 @@ class LinearLoop:
             damped = np.where(self.dashpots[:, None] != 0.0, drifts, 0.0)
             outputs.append(_Output(peaks[rows.PEAK_DRIFT_RATE], 1, damped, none))
         if len(system.inerters):
-            forces = observed[INERTER_FORCE, :-1]
+            forces = observed[workspace.INERTER_FORCE, :-1]
             outputs.append(_Output(forces, 2, system.inerters @ shapes, none))
         if flexure is None:
             return outputs
         for row, matrix in (
-            (MOMENT, flexure.moment),
-            (ROTATION, flexure.rotation),
-            (UNROTATED_DRIFT, flexure.shear_drift + flexure.bending_drift),
-            (SHEAR_DRIFT, flexure.shear_drift),
-            (BENDING_DRIFT, flexure.bending_drift),
-            (BASE_ROTATION, flexure.base[:1]),
-            (BASE_DISPLACEMENT, flexure.base[1:]),
+            (workspace.MOMENT, flexure.moment),
+            (workspace.ROTATION, flexure.rotation),
+            (workspace.UNROTATED_DRIFT, flexure.shear_drift + flexure.bending_drift),
+            (workspace.SHEAR_DRIFT, flexure.shear_drift),
+            (workspace.BENDING_DRIFT, flexure.bending_drift),
+            (workspace.BASE_ROTATION, flexure.base[:1]),
+            (workspace.BASE_DISPLACEMENT, flexure.base[1:]),
         ):
             count = len(matrix)
             outputs.append(_Output(observed[row, :count], 0, matrix @ shapes, none[:count]))
         arms = flexure.levels[None]
         outputs.append(
             _Output(
-                observed[TOTAL_BASE_MOMENT, :1],
+                observed[workspace.TOTAL_BASE_MOMENT, :1],
                 2,
                 -arms @ system.loaded_mass @ shapes,
                 arms @ self.applied,

@@ -16,15 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tdint.errors import UsageError
+from tdint.response.runs import error_estimate
 from tdint.response.runs.case import Case
-from tdint.response.runs.error_estimate import (
-    EstimateFactors,
-    attempt,
-    reference_method,
-    start_peaks,
-    story_errors,
-    with_error_estimate,
-)
 from tdint.response.runs.outcome import NO_STEP, ErrorEstimate, FailedRun, Response, StepChoice
 from tdint.response.time_steps import Steps, finer
 
@@ -191,7 +184,7 @@ class _Search:
         if not 0.0 < tolerance < 1.0:
             raise UsageError(f"the tolerance must be between 0 and 1 (100 %), got {tolerance:g}")
         requested = case.steps(dt, duration)
-        case.prepared.compile([case.method, reference_method(case)])
+        case.prepared.compile([case.method, error_estimate.reference_method(case)])
         if dt is not None or case.model.analysis.dt is not None or case.record is None:
             return cls(case, tolerance, requested, 0)
         # Without a requested time step, start with some sampling intervals of the record.
@@ -216,7 +209,7 @@ class _Search:
         time.
         """
         if level not in self.runs:
-            self.runs[level] = attempt(self.case, self.steps(level))
+            self.runs[level] = error_estimate.attempt(self.case, self.steps(level))
             self.count += 1
         return self.runs[level]
 
@@ -233,7 +226,7 @@ class _Search:
         FailedRun
             No level up to the last meets the tolerance, or the run of the last level failed.
         """
-        is_reference = reference_method(self.case) == self.case.method
+        is_reference = error_estimate.reference_method(self.case) == self.case.method
         # A run of the reference method (`impulse4`) is compared with the previous run, which has a
         # longer time step; the first level is then at least 1. A run of another method is compared
         # with an additional run of the reference method; `previous` is then not used.
@@ -324,9 +317,11 @@ class _Search:
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
             return response
         difference = _difference(response, coarse)
-        factors = EstimateFactors(self._factor(difference, level - previous))
-        start = start_peaks(self.case, self.steps(level))
-        errors = story_errors(response, coarse, factors, start=start, other_is_finer=False)
+        factors = error_estimate.EstimateFactors(self._factor(difference, level - previous))
+        start = error_estimate.start_peaks(self.case, self.steps(level))
+        errors = error_estimate.story_errors(
+            response, coarse, factors, start=start, other_is_finer=False
+        )
         self.pairs.append((difference, level - previous))
         check = ErrorEstimate.of(
             response.stories,
@@ -360,7 +355,7 @@ class _Search:
         if isinstance(response, FailedRun):
             return response
         self.count += 1
-        return with_error_estimate(self.case, self.steps(level), response)
+        return error_estimate.with_error_estimate(self.case, self.steps(level), response)
 
 
 def _difference(response: Response, other: Response) -> float:

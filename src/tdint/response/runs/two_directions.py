@@ -27,15 +27,9 @@ import numpy as np
 from tdint.arrays import Array, each_array
 from tdint.errors import UsageError
 from tdint.ground_motion.axes import PairRecord
+from tdint.response.runs import outcome
 from tdint.response.runs.case import Case
 from tdint.response.runs.history import History
-from tdint.response.runs.outcome import (
-    STORY_QUANTITIES,
-    ErrorEstimate,
-    Response,
-    StoryErrors,
-)
-from tdint.response.runs.resultants import Resultant, Resultants
 from tdint.response.runs.settings import RunSettings
 
 LIMITS_OF_METHOD = (
@@ -198,7 +192,7 @@ def _polynomials(history: History, h: float) -> dict[str, Array]:
     }
 
 
-def resultants_of(responses: Sequence[Response], rows: int) -> Resultants:
+def resultants_of(responses: Sequence[outcome.Response], rows: int) -> outcome.Resultants:
     """Return the resultants of the quantities in `_OF_HISTORY` up to a row of the histories.
 
     Parameters
@@ -224,7 +218,7 @@ def resultants_of(responses: Sequence[Response], rows: int) -> Resultants:
         ]
         row = np.rint(steps).astype(np.int64)
         errors = [_error(run, name, peak_name, row) for run in responses]
-        result[name] = Resultant(
+        result[name] = outcome.Resultant(
             np.clip(length, np.maximum(*peaks), np.hypot(*peaks)),
             h * steps,
             np.degrees(np.arctan2(y, x)) % 360.0,
@@ -232,22 +226,22 @@ def resultants_of(responses: Sequence[Response], rows: int) -> Resultants:
             y=peaks[1],
             error=np.hypot(*errors),
         )
-    return Resultants(**result)
+    return outcome.Resultants(**result)
 
 
-def histories_of(response: Response) -> list[History]:
+def histories_of(response: outcome.Response) -> list[History]:
     """Return the kept histories along x and y, up to the end of the combined run."""
     rows = response.steps + 1
     return [each_array(lambda array: array[:rows], _history(run)) for run in response.directions]
 
 
-def _history(response: Response) -> History:
+def _history(response: outcome.Response) -> History:
     """Return the kept history of a run."""
     assert response.history is not None
     return response.history
 
 
-def _error(response: Response, name: str, peak_name: str, row: Any) -> Array:
+def _error(response: outcome.Response, name: str, peak_name: str, row: Any) -> Array:
     """Return the estimated errors of a quantity in a direction near the rows of the histories."""
     peaks = getattr(response.stories, peak_name)
     if response.check is None:
@@ -269,7 +263,7 @@ def _combined(
     values are the larger of both directions.
     """
     values = {}
-    for name in (quantity.name for quantity in STORY_QUANTITIES):
+    for name in (quantity.name for quantity in outcome.STORY_QUANTITIES):
         pair = np.abs(getattr(x, name)), np.abs(getattr(y, name))
         is_larger = larger or name in ("ductility", "peak_damper_force")
         values[name] = np.fmax(*pair) if is_larger else np.hypot(*pair)
@@ -279,7 +273,7 @@ def _combined(
     return values
 
 
-def combined(responses: Sequence[Response], record: PairRecord | None) -> Response:
+def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -> outcome.Response:
     """Return the response of a building from its runs along x and y, which have kept histories.
 
     Its peaks are resultants: velocities and total shears at the time steps, residual drifts at the
@@ -312,9 +306,9 @@ def combined(responses: Sequence[Response], record: PairRecord | None) -> Respon
     if x.check and y.check:
         errors = {peak: getattr(resultants, name).error for name, peak in _OF_HISTORY.items()}
         errors = _combined(x.check.errors, y.check.errors, errors, heights, larger)
-        check = ErrorEstimate.of(
+        check = outcome.ErrorEstimate.of(
             stories,
-            StoryErrors(**errors),
+            outcome.StoryErrors(**errors),
             time_steps=x.check.time_steps or y.check.time_steps,
             method=x.check.method,
             hysteretic_energy=each_array(add, x.check.hysteretic_energy, y.check.hysteretic_energy),
@@ -368,11 +362,11 @@ def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
 def integrate_directions(
     case: Case,
     settings: RunSettings,
-    integrate: Callable[..., Response],
+    integrate: Callable[..., outcome.Response],
     *,
     tolerance: float | None = None,
     keep: bool = True,
-) -> Response:
+) -> outcome.Response:
     """Integrate a case in both directions and return the combined response (`combined`).
 
     `integrate` is the function that integrates a case in a direction, with the arguments of

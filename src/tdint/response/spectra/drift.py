@@ -22,13 +22,7 @@ from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
 from tdint.response.arguments import AnyRecord, damping_of, record_of
 from tdint.response.defaults import HEIGHT_PERIOD, STORY_HEIGHT
-from tdint.response.spectra.elastic import (
-    DampingRatio,
-    RecordSpectrum,
-    check_shortest,
-    checked_periods,
-    recursion_table,
-)
+from tdint.response.spectra import elastic
 from tdint.response.spectra.inelastic import SHORTEST
 from tdint.units import Quantity
 
@@ -94,7 +88,7 @@ class HeightPeriod:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DriftSpectrum(RecordSpectrum):
+class DriftSpectrum(elastic.RecordSpectrum):
     """Drift spectrum of one record for a single damping ratio; arrays of shape (k,).
 
     For the continuous shear beam, `stories` and `story` are 0, and the peak is the drift at its
@@ -121,7 +115,7 @@ class DriftSpectrum(RecordSpectrum):
     """
 
     record: Record
-    damping: DampingRatio
+    damping: elastic.DampingRatio
     periods: Annotated[Array, Quantity("s", "fundamental period", called="period")]
     heights: Annotated[Array, Quantity("m", "height of the building", called="height")]
     stories: NDArray[np.int64]
@@ -192,8 +186,8 @@ def drift_spectrum(
         A period is too short or, for a beam, too long for the sampling interval of the record.
     """
     record, damping = record_of(record), damping_of(damping)
-    periods = checked_periods(periods, zero=False)
-    check_shortest(periods, record.dt, SHORTEST)
+    periods = elastic.checked_periods(periods, zero=False)
+    elastic.check_shortest(periods, record.dt, SHORTEST)
     heights = height_period.height(periods)
     pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))
     buildings: Sequence[_Stories | _Beam]
@@ -378,7 +372,7 @@ def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: fl
     # Compute the table of modes for all buildings together, because one call for each building is
     # slower.
     omega = np.concatenate(omegas)
-    all_modes = recursion_table(omega, np.concatenate(steps), damping, more=2)
+    all_modes = elastic.recursion_table(omega, np.concatenate(steps), damping, more=2)
     all_modes[drifts.OMEGA], all_modes[drifts.DAMPING] = omega, damping
     tables = np.split(all_modes, boundaries, axis=1)
     ground = record.acceleration.copy()

@@ -14,15 +14,7 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.kernels.oscillators import rotated as rotation
 from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyRecord, damping_of, horizontals_of
-from tdint.response.spectra.elastic import (
-    OR_ZERO,
-    SHORTEST,
-    SpectrumSettings,
-    check_shortest,
-    checked_periods,
-    choose_settings,
-    groups,
-)
+from tdint.response.spectra import elastic
 from tdint.tabular import Tabular
 
 
@@ -122,12 +114,12 @@ def rotated_spectrum(
         )
     motion = horizontals_of(motion)
     damping = damping_of(damping)
-    periods = checked_periods(periods)
-    settings = choose_settings(None, maxima, interpolation)
+    periods = elastic.checked_periods(periods)
+    settings = elastic.choose_settings(None, maxima, interpolation)
     is_positive = periods > 0.0
     psa = np.empty((periods.size, rotation.ANGLES))
     if np.any(is_positive):
-        check_shortest(periods, motion.first.dt, SHORTEST, OR_ZERO)
+        elastic.check_shortest(periods, motion.first.dt, elastic.SHORTEST, elastic.OR_ZERO)
         omega = 2.0 * math.pi / periods[is_positive]
         displacements = _directional_displacements(motion, omega, damping, settings)
         psa[is_positive] = omega[:, None] ** 2 * displacements
@@ -155,7 +147,7 @@ def rotated_spectrum(
 
 
 def _directional_displacements(
-    motion: Horizontals, omega: Array, damping: float, settings: SpectrumSettings
+    motion: Horizontals, omega: Array, damping: float, settings: elastic.SpectrumSettings
 ) -> Array:
     """Compute the maximum absolute relative displacements of linear oscillators in all directions,
     m, shape (k, ANGLES).
@@ -173,7 +165,9 @@ def _directional_displacements(
     first, second = np.append(first, end), np.append(second, end)
     # Each group contains oscillators with the same number of parts of a sampling interval. The
     # compiled kernel computes one group at a time.
-    for indices, parts, table in groups(omega, damping, dt, settings.maxima, rotation.LANES):
+    for indices, parts, table in elastic.groups(
+        omega, damping, dt, settings.maxima, rotation.LANES
+    ):
         peaks = np.empty((indices.size, rotation.ANGLES))
         scratch = rotation.scratch(first.size, parts)
         rotation.rotated_peaks.compiled(
