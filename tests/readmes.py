@@ -33,11 +33,14 @@ from tdint.model.story_laws import LAWS
 from tdint.output.tables import (
     buildings,
     devices,
+    directions,
     elements,
     histories,
+    matrices,
     methods,
     responses,
     spectra,
+    transfer,
 )
 from tdint.output.tables import table as shared
 from tdint.output.tables.runs import BUILDING_COLUMNS
@@ -245,10 +248,10 @@ def columns():
     """Return the columns of every table, by command."""
     return {
         "tdint run": (*responses.STORY_COLUMNS, responses.ENERGY),
-        "stories.csv of tdint run, two directions": (responses.DIRECTION,),
+        "stories.csv of tdint run, two directions": (directions.DIRECTION,),
         "resultants.csv of tdint run": (
-            *responses.RESULTANT_COLUMNS,
-            *responses.RESULTANT_ERROR,
+            *directions.RESULTANT_COLUMNS,
+            *directions.RESULTANT_ERROR,
         ),
         "elements.csv of tdint run": (*elements.ELEMENT_COLUMNS, *elements.ELEMENT_ERROR),
         **{
@@ -256,17 +259,17 @@ def columns():
             for kind, (shown, errors) in zip(("attachments", "links"), devices.TABLES, strict=True)
         },
         "contacts.csv of tdint run": devices.CONTACT_COLUMNS,
-        "rows.csv of tdint run": (responses.ROW_NAME, *responses.ROW_COLUMNS, *responses.ROW_ERROR),
+        "rows.csv of tdint run": (matrices.ROW_NAME, *matrices.ROW_COLUMNS, *matrices.ROW_ERROR),
         "stories.csv of tdint run, flexural": (
             *(*responses.STORY_COLUMNS, *responses.STORY_ERROR),
-            *(*responses.FLEXURE_COLUMNS, *responses.FLEXURE_ERROR),
+            *(*matrices.FLEXURE_COLUMNS, *matrices.FLEXURE_ERROR),
         ),
         "history.csv of tdint run": histories.HistoryLayout(1, error=True).columns,
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),
         "tdint modes --target": buildings.MODAL_RESPONSE,
-        "tdint modes --transfer": buildings.transfer_columns([1], "ground"),
+        "tdint modes --transfer": transfer.transfer_columns([1], "ground"),
         "tdint law": buildings.CYCLIC,
         "tdint pushover": buildings.pushover(1),
         "tdint pushover --target": buildings.TARGET_DISPLACEMENT,
