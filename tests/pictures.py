@@ -52,7 +52,7 @@ PICTURES = {
         "tdint run configs/kaikoura-frame.yaml --plot={file}", "output/figures/runs"
     ),
     "two-directions.png": Picture(
-        "tdint run configs/two-directions.yaml --plot={file}", "output/figures/directions"
+        "tdint run configs/two-directions.yaml --plot={file}", "output/figures/runs"
     ),
     "three-story-concrete-loops.png": Picture(
         "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 "
@@ -97,8 +97,15 @@ def _sources(module: str) -> set[Path]:
         file = _PACKAGE / f"{names.pop()}.py"
         if file not in found:
             found.add(file)
-            modules = re.findall(r"from tdint\.([\w.]*(?:figures[\w.]*)) import", file.read_text())
-            names |= {module.replace(".", "/") for module in modules}
+            imported = re.findall(
+                r"^from tdint\.([\w.]*figures[\w.]*) import (\([^)]*\)|[^\n]*)",
+                file.read_text(),
+                re.M,
+            )
+            for package, items in imported:
+                path = package.replace(".", "/")
+                modules = [path, *(f"{path}/{item}" for item in re.findall(r"\w+", items))]
+                names |= {name for name in modules if (_PACKAGE / f"{name}.py").exists()}
     return found
 
 

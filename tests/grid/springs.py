@@ -1293,11 +1293,13 @@ class Tanh(Spring):
 
 @law(
     "hertz",
-    stiff=lambda rng, k, F: {"gap": 1.5 * F / k, "stop_stiffness": 20.0 * k**1.5 / F**0.5},
-    **{
+    loops={
+        "stiff": lambda rng, k, F: {
+            **{"gap": 1.5 * F / k, "stop_stiffness": 20.0 * k**1.5 / F**0.5},
+        },
         "one side": lambda rng, k, F: {
             **{"gap": 1.2 * F / k, "stop_stiffness": 5.0 * k**1.5 / F**0.5, "sides": "negative"}
-        }
+        },
     },
 )
 class Hertz(Spring):

@@ -222,7 +222,7 @@ def test_additional_run_with_longer_steps_excludes_no_peak(monkeypatch):
         compared.append((response.dt < other.dt, more["other_is_finer"]))
         return story_errors(response, other, by, **more)
 
-    monkeypatch.setattr(step_choice, "story_errors", recorded)
+    monkeypatch.setattr(step_choice.error_estimate, "story_errors", recorded)
     run(ten_bilinear(), noise(), method="impulse4", tolerance=0.01)
     assert compared and set(compared) == {(True, False)}
 
