@@ -282,7 +282,7 @@ def _law_parameters(law: Law, units: OutputUnits) -> dict[str, str]:
     return texts
 
 
-def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
+def _in_units(value: float, force: int, length: float, units: OutputUnits) -> str:
     """Return a number with its unit as text, for example 5000 kN/m."""
     numerator: list[str] = []
     denominator: list[str] = []
