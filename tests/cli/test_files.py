@@ -310,7 +310,7 @@ READING = {
     "chart": ("chart FIFO", 3),
     "overshoot": ("overshoot -o FIFO.csv --overwrite", 6),
     "stability": ("stability -o FIFO.csv --overwrite", 6),
-    "order": ("order -o FIFO.csv --overwrite", 6),
+    "order": ("order --method newmark-average --load free -o FIFO.csv --overwrite", 6),
     "failures": ("failures -o FIFO.csv --overwrite", 6),
     "examples": ("examples 1 -o FIFO --overwrite", 6),
     "validate": ("validate -o FIFO.csv --overwrite", 6),

@@ -132,7 +132,7 @@ def stopped(line: str, stop: int) -> bool:
         os._exit(1)
 
 
-@pytest.mark.parametrize("name", every(4, COMMANDS))
+@pytest.mark.parametrize("name", every(12, COMMANDS))
 def test_a_kill_at_each_renaming_leaves_a_whole_result(inputs: None, name: str) -> None:
     new = prepare(name)
     start = Path.cwd()
