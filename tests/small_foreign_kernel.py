@@ -91,7 +91,7 @@ def main() -> None:
     here = engine_of(around_the_kernel(engine.get_function_address(symbol), convention))
 
     called = loading.Loaded(own, symbol, SIGNATURE)
-    called._function = type(called._function)(here.get_function_address("here"))
+    called.address = here.get_function_address("here")
     print(called(*arguments))
 
 

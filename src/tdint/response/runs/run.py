@@ -33,13 +33,18 @@ from tdint.response.runs.settings import RunSettings
 from tdint.tabular import ResultList
 
 
-class _Options(TypedDict, total=False):
-    """Arguments of `run` with the same types in all overloads."""
+class _CaseOptions(TypedDict, total=False):
+    """Arguments of `run_case` with the same types in all overloads."""
 
     duration: float | None
     check: bool | None
     tolerance: float | str | None
     until_rest: bool
+
+
+class _Options(_CaseOptions, total=False):
+    """Arguments of `run` with the same types in all overloads."""
+
     allow_unstable: bool
     gradient: str | Sequence[str]
     initial: RunState | None
@@ -272,6 +277,26 @@ def prepare(
                 f"value of the state, instead of {first:.4g} m/s^2"
             )
     return Case(model, prepared, ground, integrator, allow_unstable, tuple(remarks))
+
+
+@overload
+def run_case(
+    case: Case,
+    *,
+    dt: float | None = None,
+    history: Literal[True],
+    **options: Unpack[_CaseOptions],
+) -> ResponseWithHistory: ...
+
+
+@overload
+def run_case(
+    case: Case,
+    *,
+    dt: float | None = None,
+    history: bool = False,
+    **options: Unpack[_CaseOptions],
+) -> Response: ...
 
 
 def run_case(
