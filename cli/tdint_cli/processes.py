@@ -13,6 +13,7 @@ process.
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import sys
 import warnings
@@ -99,12 +100,21 @@ def _submitted(
     from concurrent.futures import Future
     from concurrent.futures.process import BrokenProcessPool
 
+    # The pool would pickle the task on another thread, while this thread already changes objects of
+    # it: a case stores values that it has computed.
+    pickled = pickle.dumps((function, task))
     try:
-        return pool.submit(function, task)
+        return pool.submit(_call, pickled)
     except BrokenProcessPool as error:
         outcome: Future[Result] = Future()
         outcome.set_exception(error)
         return outcome
+
+
+def _call(pickled: bytes) -> Any:
+    """Call a pickled function with its task, in a worker."""
+    function, task = pickle.loads(pickled)
+    return function(task)
 
 
 @contextmanager

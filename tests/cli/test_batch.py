@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import time
 from functools import partial
 
 import pytest
@@ -220,6 +221,29 @@ def test_a_worker_computes_one_call_and_its_loss_is_made_up(monkeypatch):
     monkeypatch.setattr(processes, "_submit", no_process)
     with worker() as begin:
         assert begin(own_number, None)() == os.getpid()
+
+
+class SlowToPickle:
+    """Argument whose values could change while another thread pickles it."""
+
+    def __init__(self):
+        self.values = {}
+
+    def __getstate__(self):
+        time.sleep(0.2)
+        return self.__dict__
+
+
+def values_of(argument):
+    return argument.values
+
+
+def test_a_worker_gets_the_argument_as_it_was_when_the_call_started():
+    argument = SlowToPickle()
+    with worker() as begin:
+        result = begin(values_of, argument)
+        argument.values["later"] = 1.0
+        assert result() == {}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
