@@ -365,11 +365,13 @@ def test_second_run_is_compiled(tmp_path):
         assert process.returncode == 0, process.stderr
         is_interpreted.append("TDINT_COMPILE=wait" in process.stderr)
         # The background process holds the lock from its start until the last object is stored.
-        deadline = time.monotonic() + 300.0
-        while not list(cache.rglob("*.object")) and time.monotonic() < deadline:
+        deadline = time.monotonic() + 1200.0  # on a busy machine; usually 30 s
+        while not list(cache.rglob("*.object")):
+            assert time.monotonic() < deadline
             time.sleep(1.0)
         with next(cache.rglob(".lock-beside")).open("a") as stream:
-            while not tdint.system.lock(stream.fileno()) and time.monotonic() < deadline:
+            while not tdint.system.lock(stream.fileno()):
+                assert time.monotonic() < deadline
                 time.sleep(1.0)
     assert is_interpreted == [True, False]
 
