@@ -85,11 +85,7 @@ INTERPRETED = [
     "tests/kernels/test_branches.py",
     "tests/methods/test_misdeclared_laws.py",
     "tests/methods/test_braces.py",
-    "tests/methods/test_moment4.py",
     "tests/response/runs/test_force_tables.py",
-    "tests/response/runs/test_fractures.py",
-    "tests/response/runs/test_contact.py",
-    "tests/response/spectra/test_inelastic.py",
 ]
 """Files of the tests of the first stage."""
 
