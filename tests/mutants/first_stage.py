@@ -160,7 +160,8 @@ def replace_code(mutant: Mutant) -> bool:
     ]
     if function is None or len(codes) != 1:
         return False
-    if codes[0].co_freevars != function.__code__.co_freevars:  # a decorator has replaced the function
+    # A decorator has replaced the function.
+    if codes[0].co_freevars != function.__code__.co_freevars:
         return False
     if any(
         isinstance(inner, types.CodeType) and not inner.co_name.startswith("<")
