@@ -35,6 +35,7 @@ from tdint.model.parameters import PARAMETERS, check_parameter, check_value
 from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, Levels, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.fragility.type_states import DamageRequest
+from tdint.studies.keys import keys
 from tdint.studies.regions.inventory import InventoryRows
 
 # ---- Sweeps: variations of each building of a campaign over grids and samples of its parameters,
@@ -441,26 +442,18 @@ class ParameterSweep:
 
 
 _NUMBER = Bounds(ratio=True)
-_SAMPLES = (
-    Key("samples", Integer(1, 100_000), "number of samples of random parameters (Latin hypercube)"),
-    Key("seed", Integer(0, 2**31 - 1), "random seed"),
-)
-_MATRIX = EntriesOf(EntriesOf(Bounds(-1.0, 1.0)), description="a list of rows")
+_SAMPLES = keys("samples", samples=Integer(1, 100_000), seed=Integer(0, 2**31 - 1))
 _CORRELATION = Keys(
-    (
-        Key(
-            "parameters",
-            EntriesOf(
-                TextLine(),
-                least=2,
-                description="a list of at least two random parameters",
-                distinct="different parameters",
-            ),
-            "correlated random parameters",
-            needed=True,
+    keys(
+        "correlation",
+        parameters=EntriesOf(
+            TextLine(),
+            least=2,
+            description="a list of at least two random parameters",
+            distinct="different parameters",
         ),
-        Key("matrix", _MATRIX, "correlation of each two parameters, a list of rows", needed=True),
-        Key("of", Choice((RANKS, VALUES)), "ranks (Spearman, default) or values (Pearson)"),
+        matrix=EntriesOf(EntriesOf(Bounds(-1.0, 1.0)), description="a list of rows"),
+        of=Choice((RANKS, VALUES)),
     ),
     description="a mapping with the keys parameters and matrix",
 )
@@ -599,8 +592,8 @@ def _read_vary(value: Value) -> ParameterSweep | None:
         samples.fault("can only be used with a random parameter; remove it")
     correlation = section.get("correlation")
     if correlation:
-        keys = replace(_CORRELATION, make=partial(_correlation, random=random))
-        correlation = correlation._replace(type=keys)
+        checked = replace(_CORRELATION, make=partial(_correlation, random=random))
+        correlation = correlation._replace(type=checked)
     return ParameterSweep(
         grids,
         random,

@@ -17,17 +17,13 @@ from tdint.model.config.sections import read_sample_units
 from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import (
     ANY,
-    DRIFT_BOUNDS,
     POSITIVE,
-    RATIO,
     ROOF,
     Bounds,
     Choice,
     Either,
     EntriesOf,
-    Flag,
     Integer,
-    Key,
     Keys,
     NamedEntries,
     Schema,
@@ -59,6 +55,7 @@ from tdint.studies.campaign.definition import (
     read_sweep,
 )
 from tdint.studies.fragility.type_states import DAMAGE, read_damage_request
+from tdint.studies.keys import keys
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
     PAIRS,
@@ -71,96 +68,35 @@ from tdint.studies.motions.pairs import PAIR_DEMANDS
 from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
 SEED = Integer(0, 2**31 - 1)
-_GRID = (
-    Key("grid", TextLine(), "EventGrid.csv, relative to this file"),
-    Key("neighbors", Integer(1, 1000), "number of nearest grid points to sample from"),
-    Key("samples", Integer(1, 100_000), "number of samples for each building"),
-    Key("seed", SEED, "random seed, combined with the building's id"),
-    Key(
-        "events",
-        Flag(),
-        "no sampling: the rows of the points' files are events, and each building has the events "
-        "of the nearest point",
-    ),
-)
-_FIELDS = (
-    Key(
-        "fields",
-        TextLine(),
-        "CSV file with the motion of each event (event, site, record, factor), relative to this "
-        "file",
-    ),
-    Key(
-        "sites",
-        TextLine(),
-        "CSV file with the locations of the sites (site, longitude, latitude), relative to this "
-        "file",
-    ),
-    Key(
-        "rates",
-        TextLine(),
-        "CSV file with the annual rate of each event (event, rate), relative to this file",
-    ),
-)
-_DISTANCE = Key(
-    "distance",
-    Choice(DISTANCES, "distance"),
-    "unit of distances to sites: km, or degrees as in SimCenter",
-)
-_MAX_DISTANCE = Key(
-    "max_distance",
-    Either((POSITIVE, TextLine())),
-    "km; buildings at a larger distance from the nearest site are omitted; 15 by default",
-)
-_SEQUENCES = (
-    Key(
-        "sequences",
-        TextLine(),
-        "CSV file of events in sequence (sequence, record, component, factor), relative to this "
-        "file",
-    ),
-    Key(
-        "rest",
-        Bounds(0.0),
-        "seconds between the events of a sequence; by default until free vibration has decayed",
-    ),
-)
+_GRID = keys("grid", neighbors=Integer(1, 1000), samples=Integer(1, 100_000), seed=SEED)
+_FIELDS = keys("fields")
+_SEQUENCES = keys("sequences")
 _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
     tuple(key.name for key in keys) for keys in (FILES, _GRID, _FIELDS, _SEQUENCES)
 )
-_PAIR_DEMAND = Key(
-    "pair_demand",
-    Choice(PAIR_DEMANDS, "demand of pairs"),
-    "demand of the two horizontal components of a recording: the larger (default) or the mean "
-    "demand of one motion, or separate for two motions",
-)
 MOTIONS = Keys(
-    (*FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _MAX_DISTANCE, UNITS, _PAIR_DEMAND),
+    (
+        *FILES,
+        *_SEQUENCES,
+        *_FIELDS,
+        *_GRID,
+        *keys(
+            "sites",
+            distance=Choice(DISTANCES, "distance"),
+            max_distance=Either((POSITIVE, TextLine())),
+        ),
+        UNITS,
+        *keys("pairs", pair_demand=Choice(PAIR_DEMANDS, "demand of pairs")),
+    )
 )
 """Keys of `records`. One of files, sequences, fields and grid is required unless the intensity is a
 table of factors, which lists the records."""
 
 LOAD_CASES = Keys(
-    (
-        Key(
-            "files",
-            EntriesOf(TextLine(), least=1),
-            "CSV files with times and forces, one load case per file, relative to this file",
-            needed=True,
-        ),
-        Key(
-            "floors",
-            NamedEntries(TextLine(), description="a mapping of floors to columns"),
-            "column of each floor, with an optional factor: {roof: top_kN, 1: 0.6 top_kN}",
-        ),
-        Key(
-            "floor",
-            Either((Integer(1, MAX_STORIES), Choice((ROOF,)))),
-            "floor, from 1 at the bottom, or roof, instead of floors",
-        ),
-        Key("column", TextLine(), "column of this floor; default: the only column of forces"),
-        Key("start", ANY, "added to the times, s; default: 0"),
-        Key("scale", ANY, "factor on the forces; default: 1"),
+    keys(
+        "forces",
+        floors=NamedEntries(TextLine(), description="a mapping of floors to columns"),
+        floor=Either((Integer(1, MAX_STORIES), Choice((ROOF,)))),
     )
 )
 """Keys of `forces` of a campaign; their names are those of `excitation.forces` of a model."""
@@ -171,48 +107,19 @@ _MIN_LEVEL, _MAX_LEVEL = 1e-6, 1e6
 """Range of intensities of ground motions, m/s^2 or m/s."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
-_LENGTH = Choice(("m", "ft"), "length unit of inventories")
 _UNITS = Keys(
-    (
-        Key(
-            "length",
-            _LENGTH,
-            "length unit of the inventory; plan areas are in its square",
-            needed=True,
-            advice="give ft or m",
-        ),
-    ),
+    keys("units", length=Choice(("m", "ft"), "length unit of inventories")),
     make=lambda _, length: LENGTH[length],
 )
 _BUILDINGS = Keys(
-    (
-        Key("models", EntriesOf(TextLine(), least=1), "model files, relative to this file"),
-        Key("inventory", TextLine(), "CSV file with a building per row, relative to this file"),
-        Key("mapping", TextLine(), "CSV file of taxonomies: the inventory is an exposure model"),
-        Key(
-            "rules",
-            Choice(tuple(RULES), "set of rules"),
-            "rules that derive the buildings from their rows",
-        ),
-        Key(
-            "classes",
-            TextLine(),
-            "CSV file with the capacity curves of classes, for rules: capacity",
-        ),
-        Key(
-            "as_published",
-            Flag(),
-            "multiply forces by the factor of oq-vmtk 1.1, for rules: capacity",
-        ),
-        Key("units", _UNITS, "units of the inventory"),
-        Key(
-            "damping",
-            Choice(("full", "mass-only"), "damping"),
-            "mass-only omits the stiffness-proportional part",
-        ),
-        Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
-        Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
-        Key("seed", SEED, "random seed of the factors"),
+    keys(
+        "buildings",
+        rules=Choice(tuple(RULES), "set of rules"),
+        units=_UNITS,
+        damping=Choice(("full", "mass-only"), "damping"),
+        stiffness_scatter=_SCATTER,
+        damping_scatter=_SCATTER,
+        seed=SEED,
     ),
     one_of=(("models", "inventory"),),
 )
@@ -220,108 +127,41 @@ _BUILDINGS = Keys(
 _FIRST_PERIOD = "T1"  # value of `period`: the first period of each building
 
 _INTENSITY = Keys(
-    (
-        Key("scales", EntriesOf(ANY, least=1), "scale factors of all motions"),
-        Key("measure", Choice(scalable_measures(), "measure"), "intensity measure of the levels"),
-        Key(
-            "period",
-            Either((Choice((_FIRST_PERIOD,)), POSITIVE)),
-            "period of sa and sa-avg, s; by default the first period of each building",
-        ),
-        Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
-        Key("levels", EntriesOf(TextLine(), least=1), "values with units: 0.1 g, 0.2 m/s"),
-        Key(
-            "pair",
-            Choice(tuple(PAIRS), "measure of pairs"),
-            "combination of the two components of a pair",
-        ),
-        Key(
-            "factors",
-            TextLine(),
-            "CSV file of `tdint scale`, relative to this file; without `files` of the records it "
-            "also lists the records",
-        ),
+    keys(
+        "intensity",
+        measure=Choice(scalable_measures(), "measure"),
+        period=Either((Choice((_FIRST_PERIOD,)), POSITIVE)),
+        pair=Choice(tuple(PAIRS), "measure of pairs"),
     ),
     one_of=(("scales", "measure", "factors"),),
 )
 
 _METHOD = TextLine(parse_method)
 _ANALYSIS = Keys(
-    (
-        Key("method", _METHOD, "time-integration method with its parameters, for all buildings"),
-        Key(
-            "methods",
-            EntriesOf(_METHOD, 1, None, "a list of methods", "is empty; give at least one method"),
-            "several methods, in all combinations with the other values",
+    keys(
+        "analysis",
+        method=_METHOD,
+        methods=EntriesOf(
+            _METHOD, 1, None, "a list of methods", "is empty; give at least one method"
         ),
-        Key(
-            "dt",
-            Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
-            "time step, s, or a list in all combinations with the other values; by default the "
-            "time step of each model, otherwise of each record",
-        ),
-        Key("duration", POSITIVE, "duration of the analysis, s"),
-        Key(
-            "tolerance",
-            _TOLERANCE,
-            "choose the time step of each building by the estimated error of its peak drifts",
-        ),
-        Key("collapse_drift", DRIFT_BOUNDS, "drift ratio above which a run counts as collapsed"),
-        Key("p_delta", Flag(), "include P-delta effects"),
-        Key("until_rest", Flag(), "continue after the record until free vibration has decayed"),
-        Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
+        dt=Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
+        tolerance=_TOLERANCE,
     )
 )
-_TABLES = ("runs", "damage", "losses", "stories", "profiles")
-_OUTPUTS = Keys(
-    (
-        Key("stories", Flag(), "write the peaks of every story, stories.csv"),
-        Key(
-            "profiles",
-            Flag(),
-            "write the mean and fractiles of story peaks over the motions, profiles.csv; by "
-            "default false for inventories",
-        ),
-    )
-)
+_TABLES = Choice(("runs", "damage", "losses", "stories", "profiles"), "table")
+_OUTPUTS = Keys(keys("outputs"))
 CAMPAIGN = Keys(
-    (
-        Key("name", TextLine(), "name of the campaign; by default the name of the file"),
-        Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
-        Key(
-            "records",
-            MOTIONS,
-            "files and directories, or a grid; by default the records of the table of factors",
-        ),
-        Key(
-            "forces",
-            LOAD_CASES,
-            "forces on floors instead of records: one load case per CSV file, the ground at rest",
-        ),
-        Key(
-            "intensity",
-            _INTENSITY,
-            "scale factors or intensity levels of the motions; unscaled by default",
-        ),
-        Key("analysis", _ANALYSIS, "settings of all runs"),
-        Key("vary", Varied(), "parameters of the buildings, in all combinations of their values"),
-        Key("damage", DAMAGE, "damage states and losses of the buildings"),
-        Key(
-            "outputs",
-            Either(
-                (
-                    _OUTPUTS,
-                    EntriesOf(
-                        Choice(_TABLES, "table"), 1, short="is empty; name at least one table"
-                    ),
-                )
-            ),
-            "tables in addition to the default tables, or a list of all tables to write",
-        ),
-        Key(
-            "style",
-            TextLine(),
-            "style of the figures, as for --style: 90mm, or width=90mm,title=no",
+    keys(
+        "campaign",
+        buildings=_BUILDINGS,
+        records=MOTIONS,
+        forces=LOAD_CASES,
+        intensity=_INTENSITY,
+        analysis=_ANALYSIS,
+        vary=Varied(),
+        damage=DAMAGE,
+        outputs=Either(
+            (_OUTPUTS, EntriesOf(_TABLES, 1, short="is empty; name at least one table"))
         ),
     )
 )

@@ -17,13 +17,12 @@ from tdint.model.keys.fields import (
     Either,
     EntriesOf,
     Integer,
-    Key,
     Keys,
     NamedEntries,
     PathOf,
-    TextLine,
     Value,
 )
+from tdint.studies.keys import keys
 
 QUANTITIES = ("acceleration", "displacement")
 
@@ -96,26 +95,7 @@ AUTO = "auto"
 """Value of the time shift that requests an estimate."""
 
 _SENSOR = Keys(
-    (
-        Key(
-            "file",
-            PathOf(),
-            "the recording",
-            needed=True,
-            advice="specify the file of the recording",
-        ),
-        Key("component", TextLine(), "component of the record, if the file contains several"),
-        Key("column", TextLine(), "for a table instead of a record: name of its column"),
-        Key("units", TextLine(), "units of the samples, if the file does not state them"),
-        Key(
-            "quantity",
-            Choice(QUANTITIES, "quantity"),
-            "quantity of the samples; by default, the units decide",
-        ),
-        Key(
-            "sign", Integer(-1, 1, " (a direction)"), "-1 for a sensor with the opposite direction"
-        ),
-    ),
+    keys("sensor", quantity=Choice(QUANTITIES, "quantity"), sign=Integer(-1, 1, " (a direction)")),
     description="a file or a mapping with the key file",
     make=lambda value, **entries: _make_sensor(value, **entries),
 )
@@ -138,29 +118,13 @@ _FLOORS = NamedEntries(
     empty_message="must name at least one floor",
 )
 RECORDING = Keys(
-    (
-        Key("name", TextLine(), "name of the event; by default the name of the file"),
-        Key(
-            "base",
-            _SENSORS,
-            "sensors at the base of the building",
-            True,
-            "specify the file with the recorded ground motion",
-        ),
-        Key(
-            "floors",
-            _FLOORS,
-            "floors and their sensors",
-            True,
-            "specify the floors and their files",
-        ),
-        Key("band", _BAND, "frequency band in which recorded and computed responses are compared"),
-        Key("window", _WINDOW, "time window of the comparison"),
-        Key(
-            "shift",
-            Either((Choice((AUTO,)), ANY), f"{AUTO} or a number of seconds"),
-            "time shift that is added to the times of the floors, s",
-        ),
+    keys(
+        "recording",
+        base=_SENSORS,
+        floors=_FLOORS,
+        band=_BAND,
+        window=_WINDOW,
+        shift=Either((Choice((AUTO,)), ANY), f"{AUTO} or a number of seconds"),
     ),
     make=lambda _, **entries: entries,
 )
