@@ -914,17 +914,15 @@ class _RunCollector:
         True if the buildings are variations, which differ by their draws.
     periods : tuple of two floats
         Minimum and maximum first period of the buildings, s.
+    columns : sequence of array
+        Intensities, demands, ground motions, numbers of equal buildings, and draws of the runs.
     """
 
     states: DamageStates
     has_draws: bool = False
     failed: int = 0
     periods: tuple[float, float] = (math.inf, 0.0)
-    im: array[float] = field(default_factory=lambda: array("d"))
-    demand: array[float] = field(default_factory=lambda: array("d"))
-    motion: array[int] = field(default_factory=lambda: array("q"))
-    weight: array[float] = field(default_factory=lambda: array("d"))
-    draw: array[int] = field(default_factory=lambda: array("q"))
+    columns: Sequence[array[Any]] = field(default_factory=lambda: list(map(array, "ddqdq")))
     _draws: dict[str, int] = field(default_factory=dict)
 
     def add(
@@ -951,14 +949,14 @@ class _RunCollector:
         ]
         # The name of a variation ends with its label.
         draw = self._draws.setdefault(building.building.rpartition(": ")[2], len(self._draws))
-        columns = (
-            (self.im, im),
-            (self.demand, pairs.with_outcomes(damage.demand, pairs.outcomes_of(damage.status))),
-            (self.motion, np.array(motions, np.int64)),
-            (self.weight, np.full(im.size, damage.equal)),
-            (self.draw, np.full(im.size, draw)),
+        added: tuple[Array | NDArray[np.int64], ...] = (
+            im,
+            pairs.with_outcomes(damage.demand, pairs.outcomes_of(damage.status)),
+            np.array(motions, np.int64),
+            np.full(im.size, damage.equal),
+            np.full(im.size, draw),
         )
-        for column, values in columns:
+        for column, values in zip(self.columns, added, strict=True):
             column.frombytes(values[is_used].tobytes())
         self.failed += int(np.sum(~damage.known))
         shortest, longest = self.periods
@@ -972,12 +970,10 @@ class _RunCollector:
         """
         shortest, longest = self.periods
         is_same_period = 0.0 < longest < math.inf and longest - shortest <= _SAME_PERIOD * shortest
+        *runs, draw = (np.frombuffer(column, column.typecode) for column in self.columns)
         return SuiteRuns(
-            np.frombuffer(self.im, np.float64),
-            np.frombuffer(self.demand, np.float64),
-            np.frombuffer(self.motion, np.int64),
-            np.frombuffer(self.weight, np.float64),
+            *runs,
             (measure.label(shortest if is_same_period else None), unit),
             has_levels=measure.column == measures.LEVEL,
-            draw=np.frombuffer(self.draw, np.int64) if self.has_draws else None,
+            draw=draw if self.has_draws else None,
         )

@@ -25,24 +25,6 @@ FRAGILITY_BUILDING = (
 """First columns of functions by building."""
 
 FRAGILITY = declared("fragility.fragility")
-_LINE = {
-    "b0": ("intercept", "intercept of the regression of ln EDP on ln IM"),
-    "b1": ("slope", "slope of the regression of ln EDP on ln IM"),
-    "sigma": (
-        "sigma",
-        "standard deviation of ln EDP about the regression line; beta also contains the dispersion "
-        "of the thresholds of damage states",
-    ),
-    "collapsed": (
-        "collapsed",
-        "number of collapses, which are not points of the line; the function then combines the "
-        "probability of collapse with the exceedance by the line: theta is its 50 % point, beta "
-        "follows from its 16 and 84 % points",
-    ),
-    "a0": ("mixture.a0", "collapse probability 1 / (1 + exp(-a0 - a1 ln IM)), intercept"),
-    "a1": ("mixture.a1", "slope of the collapse probability"),
-}
-"""Attribute of the regression line and meaning of each column of a cloud analysis."""
 
 
 def _value_of(path: str, index: int | None = None) -> Callable[[Fragility], float]:
@@ -62,8 +44,8 @@ def _value_of(path: str, index: int | None = None) -> Callable[[Fragility], floa
 
 
 CLOUD = tuple(
-    Column(name, "1", _value_of(f"cloud.{attribute}"), f"cloud analysis: {meaning}")
-    for name, (attribute, meaning) in _LINE.items()
+    column._replace(value=_value_of(f"cloud.{column.value}"))
+    for column in declared("fragility.cloud")
 )
 """Columns of the regression line of a cloud analysis."""
 
@@ -89,25 +71,18 @@ FAILED = (
 )
 """Columns of fits where some runs have no result."""
 
-_COUNTS = {
-    "im": ("im", "geometric mean of the intensities in bin {}, from the lowest"),
-    "runs": ("runs", "number of runs in bin {}"),
-    "share": ("fraction", "fraction of the runs in bin {} that exceed the threshold"),
-    "fitted": ("fitted", "fraction in bin {} by the fitted function"),
-    "bound": ("bound", "difference of both fractions in bin {} above which a warning is printed"),
-}
-"""Attribute of `Counted` and meaning of each column of a bin, by the end of the column name."""
-
+_COUNTS = declared("fragility.counts")
+"""Columns of a bin. The names and meanings contain its number, from 1."""
 
 COUNTED = tuple(
     Column(
-        f"bin_{bin_index + 1}_{name}",
-        "1",
-        _value_of(f"counted.{attribute}", bin_index),
-        meaning.format(bin_index + 1),
+        column.name.format(bin_index + 1),
+        column.unit,
+        _value_of(f"counted.{column.value}", bin_index),
+        column.meaning.format(bin_index + 1),
     )
     for bin_index in range(BINS)
-    for name, (attribute, meaning) in _COUNTS.items()
+    for column in _COUNTS
 )
 """Last columns: counts in bins of the intensity."""
 

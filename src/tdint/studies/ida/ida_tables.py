@@ -68,19 +68,7 @@ CAPACITIES = (
 (LIMIT,) = declared("ida.limit")
 
 
-FRACTILES = (
-    *_RECORD[-2:],
-    Column.named("drift_ratio", "maximum drift ratio over the stories"),
-    *(
-        Column.named(name, f"intensity where the building reaches drift_ratio, {text}")
-        for name, text in (
-            ("p16", "16 % fractile over the ground motions; inf: above the largest intensity"),
-            ("median", "median"),
-            ("p84", "84 % fractile"),
-        )
-    ),
-    Column.named("motions", "number of ground motions; both components of a pair are one"),
-)
+FRACTILES = (*_RECORD[-2:], *declared("ida.fractiles"))
 """Columns of the fractile curves."""
 
 
