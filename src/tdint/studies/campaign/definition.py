@@ -19,18 +19,7 @@ from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
-from tdint.model.keys.fields import (
-    ANY,
-    Bounds,
-    Choice,
-    EntriesOf,
-    Integer,
-    Key,
-    Keys,
-    Schema,
-    TextLine,
-    Value,
-)
+from tdint.model.keys import fields
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
 from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, Levels, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
@@ -441,27 +430,29 @@ class ParameterSweep:
         return ", ".join(texts)
 
 
-_NUMBER = Bounds(ratio=True)
-_SAMPLES = keys("samples", samples=Integer(1, 100_000), seed=Integer(0, 2**31 - 1))
-_CORRELATION = Keys(
+_NUMBER = fields.Bounds(ratio=True)
+_SAMPLES = keys("samples", samples=fields.Integer(1, 100_000), seed=fields.Integer(0, 2**31 - 1))
+_CORRELATION = fields.Keys(
     keys(
         "correlation",
-        parameters=EntriesOf(
-            TextLine(),
+        parameters=fields.EntriesOf(
+            fields.TextLine(),
             least=2,
             description="a list of at least two random parameters",
             distinct="different parameters",
         ),
-        matrix=EntriesOf(EntriesOf(Bounds(-1.0, 1.0)), description="a list of rows"),
-        of=Choice((RANKS, VALUES)),
+        matrix=fields.EntriesOf(
+            fields.EntriesOf(fields.Bounds(-1.0, 1.0)), description="a list of rows"
+        ),
+        of=fields.Choice((RANKS, VALUES)),
     ),
     description="a mapping with the keys parameters and matrix",
 )
-_SAMPLING = (*_SAMPLES, Key("correlation", _CORRELATION, "correlation of random parameters"))
+_SAMPLING = (*_SAMPLES, fields.Key("correlation", _CORRELATION, "correlation of random parameters"))
 _VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
 
 
-def _distribution(value: Value, name: str, **numbers: float) -> Distribution | None:
+def _distribution(value: fields.Value, name: str, **numbers: float) -> Distribution | None:
     """Return the distribution that a key of the campaign file defines; None if its parameters are
     invalid. In this case an error is recorded in the document.
 
@@ -474,12 +465,12 @@ def _distribution(value: Value, name: str, **numbers: float) -> Distribution | N
         return None
 
 
-_RANDOM = Keys(
+_RANDOM = fields.Keys(
     tuple(
-        Key(
+        fields.Key(
             name,
-            Keys(
-                tuple(Key(name, _NUMBER, needed=True) for name in parameters),
+            fields.Keys(
+                tuple(fields.Key(name, _NUMBER, needed=True) for name in parameters),
                 make=partial(_distribution, name=name),
             ),
         )
@@ -499,7 +490,7 @@ class Varied:
     """Type of the key `vary` of a campaign file: parameters with their values or distributions,
     number of samples and seed."""
 
-    def schema(self) -> Schema:
+    def schema(self) -> fields.Schema:
         """Return the JSON schema of the key `vary`. Parameters of stories have the same names as in
         `Model.replace`, for example `story 2.mass` or `stories.stiffness`."""
         values = {"type": "array", "items": _NUMBER.schema(), "minItems": 1}
@@ -510,7 +501,7 @@ class Varied:
             name: {"description": meaning, **values_or_distribution}
             for name, meaning in PARAMETERS.items()
         }
-        sampling = Keys(_SAMPLING).schema()["properties"]
+        sampling = fields.Keys(_SAMPLING).schema()["properties"]
         # Names of story parameters: `stories.KEY`, `stories[NUMBER].KEY` or `story NUMBER.KEY`
         story_parameters = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": values_or_distribution}
         return {
@@ -522,7 +513,11 @@ class Varied:
 
 
 def read_sweep(
-    vary: Value | None, methods: Value | None, steps: Value | None, *, models: bool
+    vary: fields.Value | None,
+    methods: fields.Value | None,
+    steps: fields.Value | None,
+    *,
+    models: bool,
 ) -> ParameterSweep | None:
     """Return the sweep of a campaign; None if the file requests no variations. Errors are recorded
     in the document that contains the values.
@@ -554,7 +549,7 @@ def read_sweep(
     )
 
 
-def _read_vary(value: Value) -> ParameterSweep | None:
+def _read_vary(value: fields.Value) -> ParameterSweep | None:
     """Read the key `vary` of a campaign file: values and distributions of parameters, number of
     samples, and random seed. Errors are recorded in the document; None is the result if the value
     is not a mapping with valid keys.
@@ -564,9 +559,11 @@ def _read_vary(value: Value) -> ParameterSweep | None:
     names = value.names
     # The allowed names of parameters depend on the stories of the models. Therefore all names are
     # accepted here and checked with the models.
-    sampling = Keys(_SAMPLING)
+    sampling = fields.Keys(_SAMPLING)
     parameters = [name for name in names if name not in sampling]
-    section = value.section(Keys((*_SAMPLING, *(Key(name, ANY) for name in parameters))))
+    section = value.section(
+        fields.Keys((*_SAMPLING, *(fields.Key(name, fields.ANY) for name in parameters)))
+    )
     if section is None:
         return None
     for name in parameters:
@@ -604,7 +601,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
 
 
 def _correlation(
-    value: Value, random: Mapping[str, Distribution], **entries: Any
+    value: fields.Value, random: Mapping[str, Distribution], **entries: Any
 ) -> Correlation | None:
     """Return the correlation that a key of the campaign file defines, for random parameters with
     known distributions; None if it is invalid. In this case an error is recorded in the document.
@@ -618,14 +615,14 @@ def _correlation(
     return correlation
 
 
-def _values(entry: Value, name: str) -> tuple[float, ...]:
+def _values(entry: fields.Value, name: str) -> tuple[float, ...]:
     """Return the values that a list (`entry`) specifies for the parameter `name`. Duplicate values
     are ignored, because they would repeat the same building. Invalid values are recorded as errors
     of the campaign file."""
     numbers: dict[float, None] = {}  # a dictionary has no duplicate keys and keeps their order
     for item in entry.items(_VALUES_TEXT) or ():
         # A damping ratio may be in percent. An invalid number is NaN, with its error recorded.
-        number = item.number(_NUMBER if name == "damping" else ANY)
+        number = item.number(_NUMBER if name == "damping" else fields.ANY)
         try:
             if not math.isnan(number):
                 check_value(name, number)

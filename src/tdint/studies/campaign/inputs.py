@@ -19,13 +19,7 @@ from tdint.files import MOST_BYTES, read_at_most, record_digest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
 from tdint.ground_motion.joined import JoinedRecord
-from tdint.ground_motion.reading.suites import (
-    Suite,
-    SuiteMotion,
-    read_components,
-    read_suite,
-    suite_motions,
-)
+from tdint.ground_motion.reading import suites
 from tdint.ground_motion.record import Record
 from tdint.model.capacity import read_classes
 from tdint.model.config.model_file import load_model
@@ -35,26 +29,7 @@ from tdint.model.definition import Model
 from tdint.model.keys.fields import ROOF, resolve
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.response.runs.load_case import LoadCase
-from tdint.studies.campaign.assigned_motions import (
-    CampaignMotions,
-    FactorTable,
-    FieldFile,
-    FieldMotions,
-    GridFile,
-    GridMotions,
-    SiteMotions,
-    component_names_of,
-    meters,
-    nearest,
-)
-from tdint.studies.campaign.definition import (
-    AnalysisOverrides,
-    CampaignFile,
-    InventoryFile,
-    LoadFiles,
-    ParameterSweep,
-    SequenceFile,
-)
+from tdint.studies.campaign import assigned_motions, definition
 from tdint.studies.fragility.type_states import ClassDamage, read_class_damage
 from tdint.studies.motions.pairs import motions_along_axes
 from tdint.studies.regions.inventory import InventoryRows, read_inventory
@@ -86,14 +61,16 @@ class Inputs:
 
     models: tuple[Model, ...] = ()
     rows: InventoryRows | None = None
-    motions: CampaignMotions = field(default_factory=CampaignMotions)
-    factors: FactorTable | None = None
+    motions: assigned_motions.CampaignMotions = field(
+        default_factory=assigned_motions.CampaignMotions
+    )
+    factors: assigned_motions.FactorTable | None = None
     damage: ClassDamage = field(default_factory=ClassDamage)
     faults: tuple[ModelError, ...] = ()
     too_far_from_sites: tuple[ModelFault, ...] = ()
 
 
-def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Inputs:
+def read_inputs(campaign: definition.CampaignFile, models: tuple[Model, ...] = ()) -> Inputs:
     """Read all files that a campaign file lists.
 
     Parameters
@@ -118,9 +95,9 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
     """
     rows: InventoryRows | None = None
     faults: tuple[ModelError, ...] = ()
-    sweep = campaign.sweep or ParameterSweep()
+    sweep = campaign.sweep or definition.ParameterSweep()
     # Read the buildings first, so that errors of model files are reported before records are read.
-    if not isinstance(campaign.buildings, InventoryFile):
+    if not isinstance(campaign.buildings, definition.InventoryFile):
         models = models or read_models(campaign.buildings, campaign.analysis)
         with sweep.reported_at_key():
             models = sweep.vary_models(models) if campaign.sweep else models
@@ -128,7 +105,7 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
         rows, faults = read_rows(campaign.buildings)
     factors = (
         read_factors(campaign.intensity.source)
-        if isinstance(campaign.intensity, FactorTable)
+        if isinstance(campaign.intensity, assigned_motions.FactorTable)
         else None
     )
     # If the campaign file lists no records, the table of factors lists them.
@@ -136,12 +113,14 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
         listed = campaign.records
         factors, suite = read_listed(factors, listed.choice, listed.pairs)
         motions = _motions_of(suite)
-    elif isinstance(campaign.records, LoadFiles):
+    elif isinstance(campaign.records, definition.LoadFiles):
         motions = read_load_cases(campaign.records, models, rows, campaign.source)
     else:
         motions = _READERS[type(campaign.records)](campaign.records)
     if any(model.across for model in models):
-        if motions.site_motions is not None or isinstance(campaign.records, SequenceFile):
+        if motions.site_motions is not None or isinstance(
+            campaign.records, definition.SequenceFile
+        ):
             raise UsageError(
                 f"{campaign.source}: buildings with two directions cannot have sequences or "
                 "motions of sites; list the records of all buildings, or use models with one "
@@ -174,7 +153,7 @@ def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Input
     return Inputs(models, rows, motions, factors, damage, faults, too_far)
 
 
-def check_load_cases(campaign: CampaignFile) -> None:
+def check_load_cases(campaign: definition.CampaignFile) -> None:
     """Read the load cases of a campaign file without runs, for `tdint check`. Models that are
     invalid are ignored, because they are checked separately.
 
@@ -185,10 +164,10 @@ def check_load_cases(campaign: CampaignFile) -> None:
     RecordError
         Files of load cases are invalid; the message has a line per reason.
     """
-    assert isinstance(campaign.records, LoadFiles)
+    assert isinstance(campaign.records, definition.LoadFiles)
     models: list[Model] = []
     rows: InventoryRows | None = None
-    if not isinstance(campaign.buildings, InventoryFile):
+    if not isinstance(campaign.buildings, definition.InventoryFile):
         for file in campaign.buildings:
             with suppress(ModelError):
                 models.append(load_model(file))
@@ -199,7 +178,7 @@ def check_load_cases(campaign: CampaignFile) -> None:
         raise RecordError("\n".join(map(str, motions.failures)))
 
 
-def read_models(files: Sequence[str], analysis: AnalysisOverrides) -> tuple[Model, ...]:
+def read_models(files: Sequence[str], analysis: definition.AnalysisOverrides) -> tuple[Model, ...]:
     """Read model files and apply the campaign's settings for all buildings.
 
     Raises
@@ -223,7 +202,7 @@ def read_models(files: Sequence[str], analysis: AnalysisOverrides) -> tuple[Mode
     return tuple(models)
 
 
-def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
+def adapted(model: Model, analysis: definition.AnalysisOverrides) -> Model:
     """Return a model with the collapse drift and the P-delta setting that the campaign file
     specifies for all buildings. Settings that it does not specify (None) are not changed.
 
@@ -246,7 +225,7 @@ def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
     return model
 
 
-def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError, ...]]:
+def read_rows(buildings: definition.InventoryFile) -> tuple[InventoryRows, tuple[ModelError, ...]]:
     """Read the buildings of an inventory.
 
     Returns
@@ -294,7 +273,7 @@ def _check_costs(rows: InventoryRows) -> None:
 
 
 def _select_located(
-    source: str, motions: SiteMotions, rows: InventoryRows | None
+    source: str, motions: assigned_motions.SiteMotions, rows: InventoryRows | None
 ) -> tuple[InventoryRows, list[ModelFault], tuple[ModelFault, ...]]:
     """Select the buildings that have a location and are close enough to a site. For ground motion
     fields, the nearest site and its distance are added to each selected building; tables contain
@@ -322,11 +301,15 @@ def _select_located(
     # The campaign file selects the distance (km or degrees) that determines the nearest site. The
     # limit `max_distance` applies to the distance in m.
     settings = motions.settings
-    nearest_sites = nearest(located.locations, motions.locations, settings.distance)
-    distances = meters(located.locations, np.array(motions.locations)[nearest_sites])
+    nearest_sites = assigned_motions.nearest(
+        located.locations, motions.locations, settings.distance
+    )
+    distances = assigned_motions.meters(
+        located.locations, np.array(motions.locations)[nearest_sites]
+    )
     is_too_far = distances > settings.max_distance
     selected, distances_km = located.only(~is_too_far), 1e-3 * distances[is_too_far]
-    if isinstance(motions, FieldMotions):
+    if isinstance(motions, assigned_motions.FieldMotions):
         selected = replace(
             selected, near=(motions.sites, nearest_sites[~is_too_far], distances[~is_too_far])
         )
@@ -340,8 +323,8 @@ def _select_located(
 
 
 def _assigned(
-    source: str, motions: SiteMotions, rows: InventoryRows | None, model_count: int
-) -> SiteMotions:
+    source: str, motions: assigned_motions.SiteMotions, rows: InventoryRows | None, model_count: int
+) -> assigned_motions.SiteMotions:
     """Return motions at sites, assigned to the buildings.
 
     A building has samples of the motions of its nearest grid points, or all events of its site. The
@@ -355,7 +338,7 @@ def _assigned(
     ModelError
         Buildings have no location or site, or a site without events.
     """
-    if isinstance(motions, GridMotions):
+    if isinstance(motions, assigned_motions.GridMotions):
         return replace(motions, rows=rows)
     # A file without a column of sites has one site with an empty name.
     if motions.sites == ("",):
@@ -386,7 +369,7 @@ def _assigned(
     return replace(motions, site_of=site_of)
 
 
-def read_motions(records: RecordFiles) -> CampaignMotions:
+def read_motions(records: RecordFiles) -> assigned_motions.CampaignMotions:
     """Read the records of files and directories.
 
     Returns
@@ -399,17 +382,19 @@ def read_motions(records: RecordFiles) -> CampaignMotions:
     RecordError
         No record can be used; the message has a line per reason.
     """
-    return _motions_of(read_suite(records.files, records.choice, records.pairs))
+    return _motions_of(suites.read_suite(records.files, records.choice, records.pairs))
 
 
-def _motions_of(suite: Suite) -> CampaignMotions:
+def _motions_of(suite: suites.Suite) -> assigned_motions.CampaignMotions:
     """Return the motions of a suite; raise RecordError if no record can be used."""
     if not suite.motions:
         raise RecordError("\n".join(map(str, suite.failures)) or "the campaign contains no records")
-    return CampaignMotions(suite_motions(suite.motions), suite.failures, suite.notes)
+    return assigned_motions.CampaignMotions(
+        suites.suite_motions(suite.motions), suite.failures, suite.notes
+    )
 
 
-def read_sequences(sequences: SequenceFile) -> CampaignMotions:
+def read_sequences(sequences: definition.SequenceFile) -> assigned_motions.CampaignMotions:
     """Read sequences of events from a CSV file.
 
     The file has the columns sequence, record (path relative to the file) and, optionally,
@@ -450,7 +435,7 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
         units = {"*": unit.strip()} if unit.strip() else choice.units
         choice = replace(choice, component=component or choice.component, units=units)
         events_by_sequence.setdefault(name, []).append((file, choice, factor))
-    motions, failures = list[SuiteMotion](), list[TdintError]()
+    motions, failures = list[suites.SuiteMotion](), list[TdintError]()
     notes: dict[str, None] = {}  # keys of a dictionary: each note one time, in order
     for name, events in events_by_sequence.items():
         try:
@@ -459,12 +444,15 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
             failures.append(RecordError(f"sequence {name}: {error}"))
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
-    return CampaignMotions(tuple(motions), tuple(failures), tuple(notes))
+    return assigned_motions.CampaignMotions(tuple(motions), tuple(failures), tuple(notes))
 
 
 def read_load_cases(
-    requested: LoadFiles, models: Sequence[Model], rows: InventoryRows | None, source: str
-) -> CampaignMotions:
+    requested: definition.LoadFiles,
+    models: Sequence[Model],
+    rows: InventoryRows | None,
+    source: str,
+) -> assigned_motions.CampaignMotions:
     """Read the files of load cases.
 
     Returns
@@ -502,7 +490,7 @@ def read_load_cases(
         unit = FORCE[first]
         if others:
             unit = f"the models have different units of force: {', '.join([first, *others])}"
-    motions, failures = list[SuiteMotion](), list[TdintError]()
+    motions, failures = list[suites.SuiteMotion](), list[TdintError]()
     for file in requested.files:
         try:
             loads = read_load_file(file, requested.columns, requested.scale, requested.start, unit)
@@ -510,17 +498,17 @@ def read_load_cases(
             failures.append(RecordError(str(error)))
             continue
         load_case = LoadCase.of(loads)
-        motions.append(SuiteMotion(load_case, file, "", load_case))
+        motions.append(suites.SuiteMotion(load_case, file, "", load_case))
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
-    return CampaignMotions(tuple(motions), tuple(failures))
+    return assigned_motions.CampaignMotions(tuple(motions), tuple(failures))
 
 
-_READERS: dict[type, Callable[[Any], CampaignMotions]]
+_READERS: dict[type, Callable[[Any], assigned_motions.CampaignMotions]]
 _READERS = {
-    GridFile: read_grid,
-    FieldFile: read_field,
-    SequenceFile: read_sequences,
+    assigned_motions.GridFile: read_grid,
+    assigned_motions.FieldFile: read_field,
+    definition.SequenceFile: read_sequences,
     RecordFiles: read_motions,
 }
 """Function that reads the ground motions, by the type of the records in the campaign file."""
@@ -531,7 +519,7 @@ def _sequence(
     events: Sequence[tuple[str, RecordChoice, float]],
     rest: float | None,
     notes: dict[str, None],
-) -> Iterator[SuiteMotion]:
+) -> Iterator[suites.SuiteMotion]:
     """Yield the ground motions of a sequence: one joined record for each component that the records
     of all its events have. Notes of the reader for the user are added to `notes` as keys.
 
@@ -539,7 +527,7 @@ def _sequence(
     """
     components_by_event: list[list[Record]] = []
     for file, choice, factor in events:
-        suite = read_components([file], choice)
+        suite = suites.read_components([file], choice)
         for error in suite.failures:
             raise error  # a sequence requires all of its records
         notes |= dict.fromkeys(suite.notes)
@@ -556,10 +544,10 @@ def _sequence(
         )
     for records in zip(*components_by_event, strict=True):
         joined = JoinedRecord.of(records, rest)
-        yield SuiteMotion(joined, name, joined.component, joined.events[0])
+        yield suites.SuiteMotion(joined, name, joined.component, joined.events[0])
 
 
-def read_factors(file: str) -> FactorTable:
+def read_factors(file: str) -> assigned_motions.FactorTable:
     """Read factors from a CSV file with the columns record, component (empty: all components),
     factor and, if each level has its own motions, level (`_levels_in`).
 
@@ -607,7 +595,7 @@ def read_factors(file: str) -> FactorTable:
         record_digest(settings_file, content)
     else:
         scale_settings = {"settings": _scaling_in(table)}
-    return FactorTable(file, factors_of_motion, scale_settings, level_unit)
+    return assigned_motions.FactorTable(file, factors_of_motion, scale_settings, level_unit)
 
 
 def _scaling_in(table: CsvTable) -> dict[str, str]:
@@ -681,8 +669,8 @@ def _levels_in(table: CsvTable) -> tuple[list[float], str]:
 
 
 def read_listed(
-    table: FactorTable, choice: RecordChoice, pairs: PairNames | None
-) -> tuple[FactorTable, Suite]:
+    table: assigned_motions.FactorTable, choice: RecordChoice, pairs: PairNames | None
+) -> tuple[assigned_motions.FactorTable, suites.Suite]:
     """Read the ground motions that a table of factors lists, and return the table with the paths of
     the files, and the motions with the errors of files that could not be read. Other components of
     the files are ignored.
@@ -695,13 +683,15 @@ def read_listed(
     """
     table = _located(table)
     files = tuple(dict.fromkeys(file for file, _ in table.by_name))
-    suite = read_suite(files, choice, pairs)
+    suite = suites.read_suite(files, choice, pairs)
 
     # Assign each motion to a row of the table. The component in the row is the component as
     # selected by the user, its full name, or empty for all components of the file.
-    motions_of_row: dict[tuple[str, str], list[SuiteMotion]] = {row: [] for row in table.by_name}
-    for motion in suite_motions(suite.motions):
-        for component in component_names_of(motion):
+    motions_of_row: dict[tuple[str, str], list[suites.SuiteMotion]] = {
+        row: [] for row in table.by_name
+    }
+    for motion in suites.suite_motions(suite.motions):
+        for component in assigned_motions.component_names_of(motion):
             if (motion.name, component) in motions_of_row:
                 motions_of_row[motion.name, component].append(motion)
                 break
@@ -726,7 +716,7 @@ def read_listed(
     return table, suite._replace(motions=listed_motions)
 
 
-def _located(table: FactorTable) -> FactorTable:
+def _located(table: assigned_motions.FactorTable) -> assigned_motions.FactorTable:
     """Return a table of factors with the path of each file. A path in the table is relative to the
     working directory or, if it is not found there, to the directory of the table. ModelError lists
     the files that are not found.

@@ -31,14 +31,7 @@ from tdint.response.runs.batch import Subject
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.load_notes import table_notes
 from tdint.response.time_steps import choose_steps
-from tdint.studies.campaign.assigned_motions import (
-    Assignment,
-    EveryMotion,
-    FactorTable,
-    Levels,
-    MeasureLevels,
-    Scales,
-)
+from tdint.studies.campaign import assigned_motions
 from tdint.studies.campaign.buildings import (
     Buildings,
     RowBuildings,
@@ -93,8 +86,8 @@ class Plan:
     name: str
     buildings: Buildings
     motions: tuple[SuiteMotion, ...]
-    assignment: Assignment
-    levels: Levels
+    assignment: assigned_motions.Assignment
+    levels: assigned_motions.Levels
     settings: CampaignSettings
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
@@ -117,7 +110,7 @@ class Plan:
     def scaling(self) -> dict[str, Any]:
         """File of the scale factors with rule and target of `tdint scale`, which are missing if
         they are unknown; empty without a file of factors."""
-        if not isinstance(self.levels, FactorTable):
+        if not isinstance(self.levels, assigned_motions.FactorTable):
             return {}
         settings = self.levels.scaled.get("settings", {})
         names = ("rule", "target", "measure", "value", "unit")
@@ -296,8 +289,10 @@ class Plan:
         sources = [self.buildings[number] for number, _ in slices]
         draws = [self.assignment.draws(number) for number, _ in slices]
         # Levels of a measure at the first period require the building; other levels do not.
-        is_measure = isinstance(self.levels, MeasureLevels)
-        needs_period = isinstance(self.levels, MeasureLevels) and self.levels.period is None
+        is_measure = isinstance(self.levels, assigned_motions.MeasureLevels)
+        needs_period = (
+            isinstance(self.levels, assigned_motions.MeasureLevels) and self.levels.period is None
+        )
         periods = [source.subject().period if needs_period else math.nan for source in sources]
         motions = [[draw.motion for draw in building_draws] for building_draws in draws]
         factors = values_by_motion(motions, periods, self.levels.factors)
@@ -329,7 +324,9 @@ class Plan:
         """Return the level of each scale factor of a motion. Several factors of motions at sites,
         which have individual factors, are numbered."""
         values = self.levels.level_values(motion)
-        if not isinstance(self.levels, Scales) or isinstance(self.assignment, EveryMotion):
+        if not isinstance(self.levels, assigned_motions.Scales) or isinstance(
+            self.assignment, assigned_motions.EveryMotion
+        ):
             return values
         if len(values) == 1:
             return [math.nan]
@@ -432,7 +429,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         name=campaign.name,
         buildings=buildings,
         motions=motions.motions,
-        assignment=motions.site_motions or EveryMotion(len(motions.motions)),
+        assignment=motions.site_motions or assigned_motions.EveryMotion(len(motions.motions)),
         levels=levels,
         settings=campaign.settings,
         failures=(*motions.failures, *inputs.faults),
@@ -450,24 +447,24 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     return plan
 
 
-def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
+def _levels(campaign: CampaignFile, inputs: Inputs) -> assigned_motions.Levels:
     """Return the scale factors of the motions. The campaign file specifies the factors, levels of
     an intensity measure from which factors are computed, or a file of factors. ModelError is raised
     if this file does not contain a motion.
     """
     motions = inputs.motions.motions
-    if isinstance(campaign.intensity, Scales):
+    if isinstance(campaign.intensity, assigned_motions.Scales):
         return campaign.intensity
-    if isinstance(campaign.intensity, MeasureLevels):
+    if isinstance(campaign.intensity, assigned_motions.MeasureLevels):
         return replace(campaign.intensity, recordings=recordings_of(motions))
     table = inputs.factors
     assert table is not None
     return table.of_motions(motions)
 
 
-def _factor_warnings(levels: Levels, motions: Sequence[SuiteMotion]) -> list[str]:
+def _factor_warnings(levels: assigned_motions.Levels, motions: Sequence[SuiteMotion]) -> list[str]:
     """Return a warning for each pair of components with different factors in a table."""
-    if not isinstance(levels, FactorTable):
+    if not isinstance(levels, assigned_motions.FactorTable):
         return []
     return levels.unequal_factors(motions, PairRule.from_motions(motions, None).partners)
 

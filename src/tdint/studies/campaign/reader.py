@@ -14,24 +14,10 @@ from tdint.methods.catalogue import parse as parse_method
 from tdint.model.building_rules import CAPACITY, RULES
 from tdint.model.config.record_files import FILES, UNITS, RecordFiles, choice_of_files, read_files
 from tdint.model.config.sections import read_sample_units
+from tdint.model.keys import fields
 from tdint.model.keys.document import read_document
-from tdint.model.keys.fields import (
-    ANY,
-    POSITIVE,
-    ROOF,
-    Bounds,
-    Choice,
-    Either,
-    EntriesOf,
-    Integer,
-    Keys,
-    NamedEntries,
-    Schema,
-    Section,
-    TextLine,
-    Value,
-)
 from tdint.model.story import MAX_STORIES
+from tdint.studies.campaign import definition
 from tdint.studies.campaign.assigned_motions import (
     DISTANCES,
     MAX_DISTANCE,
@@ -43,17 +29,6 @@ from tdint.studies.campaign.assigned_motions import (
     Scales,
 )
 from tdint.studies.campaign.chunks import CampaignSettings
-from tdint.studies.campaign.definition import (
-    NO_RECORDS,
-    UNSCALED,
-    AnalysisOverrides,
-    CampaignFile,
-    InventoryFile,
-    LoadFiles,
-    SequenceFile,
-    Varied,
-    read_sweep,
-)
 from tdint.studies.fragility.type_states import DAMAGE, read_damage_request
 from tdint.studies.keys import keys
 from tdint.studies.motions.intensity import (
@@ -67,14 +42,16 @@ from tdint.studies.motions.intensity import (
 from tdint.studies.motions.pairs import PAIR_DEMANDS
 from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
-SEED = Integer(0, 2**31 - 1)
-_GRID = keys("grid", neighbors=Integer(1, 1000), samples=Integer(1, 100_000), seed=SEED)
+SEED = fields.Integer(0, 2**31 - 1)
+_GRID = keys(
+    "grid", neighbors=fields.Integer(1, 1000), samples=fields.Integer(1, 100_000), seed=SEED
+)
 _FIELDS = keys("fields")
 _SEQUENCES = keys("sequences")
 _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
     tuple(key.name for key in keys) for keys in (FILES, _GRID, _FIELDS, _SEQUENCES)
 )
-MOTIONS = Keys(
+MOTIONS = fields.Keys(
     (
         *FILES,
         *_SEQUENCES,
@@ -82,41 +59,41 @@ MOTIONS = Keys(
         *_GRID,
         *keys(
             "sites",
-            distance=Choice(DISTANCES, "distance"),
-            max_distance=Either((POSITIVE, TextLine())),
+            distance=fields.Choice(DISTANCES, "distance"),
+            max_distance=fields.Either((fields.POSITIVE, fields.TextLine())),
         ),
         UNITS,
-        *keys("pairs", pair_demand=Choice(PAIR_DEMANDS, "demand of pairs")),
+        *keys("pairs", pair_demand=fields.Choice(PAIR_DEMANDS, "demand of pairs")),
     )
 )
 """Keys of `records`. One of files, sequences, fields and grid is required unless the intensity is a
 table of factors, which lists the records."""
 
-LOAD_CASES = Keys(
+LOAD_CASES = fields.Keys(
     keys(
         "forces",
-        floors=NamedEntries(TextLine(), description="a mapping of floors to columns"),
-        floor=Either((Integer(1, MAX_STORIES), Choice((ROOF,)))),
+        floors=fields.NamedEntries(fields.TextLine(), description="a mapping of floors to columns"),
+        floor=fields.Either((fields.Integer(1, MAX_STORIES), fields.Choice((fields.ROOF,)))),
     )
 )
 """Keys of `forces` of a campaign; their names are those of `excitation.forces` of a model."""
 
 
-_TOLERANCE = Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
+_TOLERANCE = fields.Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
 _MIN_LEVEL, _MAX_LEVEL = 1e-6, 1e6
 """Range of intensities of ground motions, m/s^2 or m/s."""
 
-_SCATTER = Bounds(0.0, 0.5, ratio=True)
-_UNITS = Keys(
-    keys("units", length=Choice(("m", "ft"), "length unit of inventories")),
+_SCATTER = fields.Bounds(0.0, 0.5, ratio=True)
+_UNITS = fields.Keys(
+    keys("units", length=fields.Choice(("m", "ft"), "length unit of inventories")),
     make=lambda _, length: LENGTH[length],
 )
-_BUILDINGS = Keys(
+_BUILDINGS = fields.Keys(
     keys(
         "buildings",
-        rules=Choice(tuple(RULES), "set of rules"),
+        rules=fields.Choice(tuple(RULES), "set of rules"),
         units=_UNITS,
-        damping=Choice(("full", "mass-only"), "damping"),
+        damping=fields.Choice(("full", "mass-only"), "damping"),
         stiffness_scatter=_SCATTER,
         damping_scatter=_SCATTER,
         seed=SEED,
@@ -126,31 +103,36 @@ _BUILDINGS = Keys(
 
 _FIRST_PERIOD = "T1"  # value of `period`: the first period of each building
 
-_INTENSITY = Keys(
+_INTENSITY = fields.Keys(
     keys(
         "intensity",
-        measure=Choice(scalable_measures(), "measure"),
-        period=Either((Choice((_FIRST_PERIOD,)), POSITIVE)),
-        pair=Choice(tuple(PAIRS), "measure of pairs"),
+        measure=fields.Choice(scalable_measures(), "measure"),
+        period=fields.Either((fields.Choice((_FIRST_PERIOD,)), fields.POSITIVE)),
+        pair=fields.Choice(tuple(PAIRS), "measure of pairs"),
     ),
     one_of=(("scales", "measure", "factors"),),
 )
 
-_METHOD = TextLine(parse_method)
-_ANALYSIS = Keys(
+_METHOD = fields.TextLine(parse_method)
+_ANALYSIS = fields.Keys(
     keys(
         "analysis",
         method=_METHOD,
-        methods=EntriesOf(
+        methods=fields.EntriesOf(
             _METHOD, 1, None, "a list of methods", "is empty; give at least one method"
         ),
-        dt=Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
+        dt=fields.Either(
+            (
+                fields.POSITIVE,
+                fields.EntriesOf(fields.POSITIVE, 1, short="is empty; give at least one step"),
+            )
+        ),
         tolerance=_TOLERANCE,
     )
 )
-_TABLES = Choice(("runs", "damage", "losses", "stories", "profiles"), "table")
-_OUTPUTS = Keys(keys("outputs"))
-CAMPAIGN = Keys(
+_TABLES = fields.Choice(("runs", "damage", "losses", "stories", "profiles"), "table")
+_OUTPUTS = fields.Keys(keys("outputs"))
+CAMPAIGN = fields.Keys(
     keys(
         "campaign",
         buildings=_BUILDINGS,
@@ -158,17 +140,17 @@ CAMPAIGN = Keys(
         forces=LOAD_CASES,
         intensity=_INTENSITY,
         analysis=_ANALYSIS,
-        vary=Varied(),
+        vary=definition.Varied(),
         damage=DAMAGE,
-        outputs=Either(
-            (_OUTPUTS, EntriesOf(_TABLES, 1, short="is empty; name at least one table"))
+        outputs=fields.Either(
+            (_OUTPUTS, fields.EntriesOf(_TABLES, 1, short="is empty; name at least one table"))
         ),
     )
 )
 """Keys of a campaign file."""
 
 
-def campaign_schema() -> Schema:
+def campaign_schema() -> fields.Schema:
     """Return the JSON schema (draft 7) of campaign files, for editors."""
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
@@ -178,7 +160,7 @@ def campaign_schema() -> Schema:
     }
 
 
-def load_campaign(source: str | Path) -> CampaignFile:
+def load_campaign(source: str | Path) -> definition.CampaignFile:
     """Read a campaign file. The files that it lists are not read.
 
     Parameters
@@ -200,7 +182,7 @@ def load_campaign(source: str | Path) -> CampaignFile:
     return campaign
 
 
-def _read(section: Section, label: str, name: str) -> CampaignFile:
+def _read(section: fields.Section, label: str, name: str) -> definition.CampaignFile:
     """Return the definition of the campaign that the root section of a file contains. Errors are
     recorded in the document; invalid values are replaced by defaults, so that the remaining keys
     are also checked.
@@ -221,7 +203,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     analysis, outputs_value = section.inner("analysis"), section.get("outputs")
     dt = analysis.get("dt")
     buildings = (_read_buildings(buildings_value) if buildings_value else None) or ()
-    are_models = not isinstance(buildings, InventoryFile)
+    are_models = not isinstance(buildings, definition.InventoryFile)
     # A list names all tables to write. A mapping adds tables to the default tables.
     listed_tables = None
     if outputs_value and outputs_value.is_list:
@@ -234,18 +216,20 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         if added_tables:
             has_stories = added_tables.read("stories", False)
             has_profiles = added_tables.read("profiles", are_models)
-    motions: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles | None = None
+    motions: (
+        RecordFiles | definition.SequenceFile | GridFile | FieldFile | definition.LoadFiles | None
+    ) = None
     if forces_value:
         motions = _load_cases(forces_value)
     elif records_value:
         motions = read_requested_motions(records_value, are_listed=are_listed)
     demand = records_value.peek("pair_demand") if records_value else None
-    return CampaignFile(
+    return definition.CampaignFile(
         name=section.read("name") or name,
         source=label,
         buildings=buildings,
-        records=motions or NO_RECORDS,
-        intensity=_read_intensity(intensity) or UNSCALED,
+        records=motions or definition.NO_RECORDS,
+        intensity=_read_intensity(intensity) or definition.UNSCALED,
         analysis=_read_analysis(analysis),
         settings=CampaignSettings(
             dt=dt.read() if dt and not dt.is_list else None,
@@ -253,7 +237,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
             stories=has_stories,
             profiles=has_profiles,
         ),
-        sweep=read_sweep(
+        sweep=definition.read_sweep(
             section.get("vary"),
             analysis.get("methods"),
             dt if dt and dt.is_list else None,
@@ -261,7 +245,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         ),
         damage=read_damage_request(
             section.get("damage"),
-            buildings.rules if isinstance(buildings, InventoryFile) else None,
+            buildings.rules if isinstance(buildings, definition.InventoryFile) else None,
         ),
         outputs=listed_tables,
         style=section.read("style") or "",
@@ -269,7 +253,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     )
 
 
-def _check_combinations(section: Section) -> None:
+def _check_combinations(section: fields.Section) -> None:
     """Record errors for keys of the intensity and the analysis that have no effect with the type of
     ground motions that the file requests."""
     records, forces = section.get("records"), section.get("forces")
@@ -279,7 +263,7 @@ def _check_combinations(section: Section) -> None:
             "motion are `excitation.forces` of the model file)"
         )
 
-    def value_of(section_name: str, name: str) -> Value | None:
+    def value_of(section_name: str, name: str) -> fields.Value | None:
         """Return the value of a key in a section; None if the key or the section is missing."""
         value = section.get(section_name)
         return value.peek(name) if value else None
@@ -313,18 +297,18 @@ def _check_combinations(section: Section) -> None:
         )
 
 
-def _read_analysis(section: Section) -> AnalysisOverrides:
+def _read_analysis(section: fields.Section) -> definition.AnalysisOverrides:
     """Read the settings of the key `analysis` that replace settings of the models: method, collapse
     drift and P-delta. Errors are recorded in the document."""
     method = section.read("method")
     if section.has("methods"):
         section.refuse(("method",), "cannot be used with `methods`; remove one of them")
-    return AnalysisOverrides(
+    return definition.AnalysisOverrides(
         method.label if method else None, **section.read_present("collapse_drift", "p_delta")
     )
 
 
-def _read_buildings(value: Value) -> tuple[str, ...] | InventoryFile | None:
+def _read_buildings(value: fields.Value) -> tuple[str, ...] | definition.InventoryFile | None:
     """Return the model files or the inventory of the key `buildings`; None after an error, which is
     recorded in the document."""
     section = value.section()
@@ -345,7 +329,7 @@ def _read_buildings(value: Value) -> tuple[str, ...] | InventoryFile | None:
     return section.files("models", "a list of model files", empty)
 
 
-def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
+def _inventory(section: fields.Section, inventory: fields.Value) -> definition.InventoryFile | None:
     """Read the keys of an inventory; None if a required key is missing or invalid. Errors are
     recorded in the document.
     """
@@ -368,7 +352,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
         section.refuse(("classes", "as_published"), f"can only be used with the rules {CAPACITY}")
     if file is None or rules is None or length_unit is None:
         return None
-    return InventoryFile(
+    return definition.InventoryFile(
         file,
         rules,
         length_unit,
@@ -379,7 +363,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     )
 
 
-def _read_intensity(value: Value | None) -> Levels | None:
+def _read_intensity(value: fields.Value | None) -> Levels | None:
     """Return the scale factors, the levels of an intensity measure, or the file of factors that the
     key `intensity` specifies; None if the key is missing or after an error, which is recorded in
     the document."""
@@ -407,14 +391,14 @@ def _read_intensity(value: Value | None) -> Levels | None:
     # Duplicate factors are ignored, because they would repeat the same run.
     distinct_factors: dict[float, None] = {}
     for item in items or ():
-        factor = item.number(ANY)
+        factor = item.number(fields.ANY)
         if factor == 0.0:
             item.fault("a scale factor must not be zero")
         distinct_factors[factor] = None
     return Scales(tuple(distinct_factors))
 
 
-def _levels(section: Section) -> MeasureLevels | None:
+def _levels(section: fields.Section) -> MeasureLevels | None:
     """Read the levels of an intensity measure; None if the measure is invalid. Errors are recorded
     in the document."""
     measure_value = section.get("measure")
@@ -449,13 +433,13 @@ def _levels(section: Section) -> MeasureLevels | None:
             )
     elif period_value and not period_value.is_word(_FIRST_PERIOD):
         seconds = period_value.number(
-            POSITIVE, expected=f"{_FIRST_PERIOD} or a positive number of seconds"
+            fields.POSITIVE, expected=f"{_FIRST_PERIOD} or a positive number of seconds"
         )
         period = None if math.isnan(seconds) else seconds
     return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 
 
-def _level(value: Value, quantity: str) -> float:
+def _level(value: fields.Value, quantity: str) -> float:
     """Return an intensity level, such as `0.1 g`, in SI units; NaN after an error, which is
     recorded in the document. `quantity` is the quantity of the measure, such as acceleration."""
     example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
@@ -485,7 +469,7 @@ def _level(value: Value, quantity: str) -> float:
 # ---- Ground motions: the key `records` with files, sequences, ground motion fields or a grid
 
 
-def _load_cases(value: Value) -> LoadFiles | None:
+def _load_cases(value: fields.Value) -> definition.LoadFiles | None:
     """Return the load cases that the campaign file requests; None if a required value is missing or
     invalid. Errors are recorded in the document."""
     section = value.section()
@@ -500,12 +484,12 @@ def _load_cases(value: Value) -> LoadFiles | None:
     requests = read_requests(section, section.value, None, scale=1.0, start=0.0)
     columns = tuple((item.floor, item.column) for item in requests)
     scale, start = section.number("scale", default=1.0), section.number("start", default=0.0)
-    return LoadFiles(paths, columns, scale, start)
+    return definition.LoadFiles(paths, columns, scale, start)
 
 
 def read_requested_motions(
-    value: Value, *, are_listed: bool = False
-) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
+    value: fields.Value, *, are_listed: bool = False
+) -> RecordFiles | definition.SequenceFile | GridFile | FieldFile | None:
     """Return the ground motions that the campaign file requests: files, sequences, fields or a
     grid; None if a required value is missing or invalid. Errors are recorded in the document.
 
@@ -535,7 +519,11 @@ def read_requested_motions(
     if section.has("sequences"):
         section.refuse(("files", "pairs"), "cannot be used with `sequences`; remove it")
         sequence_file, choice = section.file("sequences"), choice_of_files(section)
-        return SequenceFile(sequence_file, choice, section.read("rest")) if sequence_file else None
+        return (
+            definition.SequenceFile(sequence_file, choice, section.read("rest"))
+            if sequence_file
+            else None
+        )
     section.refuse(("rest",), "can only be used with `sequences`")
     # If all four sources of ground motions are missing, the error names the usual one, `files`.
     files = section.get("files")
@@ -544,7 +532,7 @@ def read_requested_motions(
     return read_files(section)
 
 
-def _fields(section: Section) -> FieldFile | None:
+def _fields(section: fields.Section) -> FieldFile | None:
     """Read the keys of ground motion fields; None if the key `fields` is invalid. Errors are
     recorded in the document."""
     file, sites = section.file("fields"), section.file("sites")
@@ -567,7 +555,7 @@ def _fields(section: Section) -> FieldFile | None:
     return FieldFile(file, choice, are_pairs, sites, distance, max_distance, rates)
 
 
-def _grid(section: Section, units: str | None) -> GridFile | None:
+def _grid(section: fields.Section, units: str | None) -> GridFile | None:
     """Read the keys of a grid; None if a required key is missing or invalid. Errors are recorded in
     the document.
 
@@ -591,7 +579,7 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
     return GridFile(file, units, *numbers, distance, events, max_distance)
 
 
-def read_max_distance(section: Section) -> float:
+def read_max_distance(section: fields.Section) -> float:
     """Return the maximum distance of a building from its site, m: the value of the key
     `max_distance` of the section, or the default. An invalid value is recorded as an error of the
     file, and the default is returned."""

@@ -17,17 +17,9 @@ from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import number_text, pluralize
-from tdint.output import figures
+from tdint.output import figures, report
 from tdint.output.figures.style import FirstPeriods
 from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
-from tdint.output.report import (
-    ERRORS,
-    MAX_MOTIONS,
-    assumptions,
-    method_text,
-    model_chapter,
-    motion_chapter,
-)
 from tdint.output.spectrum_text import target_text
 from tdint.output.tables.loads import LOAD_COLUMNS
 from tdint.output.tables.table import TEXT, Cell, Table
@@ -141,7 +133,7 @@ def suite_page(
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *_model_chapters([subject.model for subject in subjects.values()], base.model, units),
         _load_case_chapter(plan, units)
-        or motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
+        or report.motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
     inputs = [*(page_text.inputs or content["inputs"]), campaign]
@@ -159,7 +151,7 @@ def _model_chapters(models: Sequence[Model], base: Model, units: OutputUnits) ->
     """Return the chapters of the buildings, compared with the building `base`; variants that need
     no table have a common list."""
     chapters = {
-        model.name: model_chapter(model, units, base=None if model is base else base)
+        model.name: report.model_chapter(model, units, base=None if model is base else base)
         for model in models
     }
     short = {name: chapter for name, chapter in chapters.items() if len(chapter.parts) == 1}
@@ -204,7 +196,7 @@ def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) ->
 
     `store` is the store of the campaign, with the time steps and the estimated errors of all runs.
     """
-    methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
+    methods = ", ".join(dict.fromkeys(report.method_text(subject.method) for subject in subjects))
     low, high, energy, error = store.connection.execute(
         "SELECT min(dt_s), max(dt_s), max(abs(energy_error)), max(peak_drift_m_error / "
         "peak_drift_m) FROM run_rows WHERE status = 'done'"
@@ -229,7 +221,7 @@ def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) ->
     rule = store.pair_rule()
     if rule.pairs:
         clauses.append(f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})")
-    return assumptions(f"{methods}, time steps of {steps}", [*clauses, _SUITE])
+    return report.assumptions(f"{methods}, time steps of {steps}", [*clauses, _SUITE])
 
 
 def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:
@@ -344,7 +336,7 @@ def _statistics_chapter(
     if not profile.counts.completed:
         parts = [f"No mean: {profile.lost_text}."]
     elif profile.peak_errors:
-        parts += [ERRORS, profile_error_table(profile, ("peak_drift", *suite_columns))]
+        parts += [report.ERRORS, profile_error_table(profile, ("peak_drift", *suite_columns))]
     building = ", ".join(filter(None, [profile.building, profile.level_text]))
     return Chapter(f"Statistics over the ground motions: {building}", parts)
 
@@ -368,7 +360,7 @@ def _runs_chapter(store: Store) -> Chapter:
     rows = store.connection.execute(query).fetchall()
     if parts := _drifts_of_buildings(rows):
         return Chapter("Individual ground motions", parts)
-    shown_rows = rows[:MAX_MOTIONS]
+    shown_rows = rows[: report.MAX_MOTIONS]
     numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "largest_ductility")
     units = dict.fromkeys(("building", "record", "component"), TEXT) | dict.fromkeys(numbers, "1")
     table = Table.of_units(units | {"peak_drift_m": "m", "status": TEXT}, shown_rows)
@@ -386,8 +378,8 @@ def _runs_chapter(store: Store) -> Chapter:
         omitted.append("building")
     table = table.chosen([name for name in columns if name not in omitted])
     omission = ""
-    if len(rows) > MAX_MOTIONS:
-        omission = f"The first {MAX_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
+    if len(rows) > report.MAX_MOTIONS:
+        omission = f"The first {report.MAX_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
     return Chapter("Individual ground motions, largest drift first", (table, omission))
 
 
@@ -403,7 +395,11 @@ def _drifts_of_buildings(rows: Sequence[Sequence[Any]]) -> tuple[Part, ...]:
         if status == DONE and ratio is None:
             return ()
     is_complete = sum(map(len, cells.values())) == len(rows) == len(cells) * len(names)
-    if not 1 < len(names) <= _MOST_BUILDING_COLUMNS or len(cells) > MAX_MOTIONS or not is_complete:
+    if (
+        not 1 < len(names) <= _MOST_BUILDING_COLUMNS
+        or len(cells) > report.MAX_MOTIONS
+        or not is_complete
+    ):
         return ()
     units = {"record": TEXT, "component": TEXT, "factor": "1", **dict.fromkeys(sorted(names), "%")}
     table = sorted(_rows_of_cells(cells, sorted(names)), key=lambda row: row[:3])

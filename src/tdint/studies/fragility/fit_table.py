@@ -37,12 +37,7 @@ from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
 from tdint.response.runs.damage import exceedance
-from tdint.studies.fragility import measures
-from tdint.studies.fragility.building_damage import (
-    BuildingDamage,
-    building_damages,
-    damage_by_motion,
-)
+from tdint.studies.fragility import building_damage, measures
 from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_levels, fit_stripes
 from tdint.studies.fragility.fragility_function import (
     CLOUD,
@@ -845,7 +840,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         # the store numbers the events in its column of samples, and no mapping is needed.
         motion_of_record = {} if store.events() else rule.recordings
         collectors: dict[str, _RunCollector] = {}
-        for damage in building_damages(store, requested_states):
+        for damage in building_damage.building_damages(store, requested_states):
             name = damage.type if by == TYPE else damage.building
             collector = collectors.setdefault(name, _RunCollector(damage.states, has_draws))
             collector.add(damage, intensities.of(damage), motion_of_record, rule)
@@ -927,7 +922,7 @@ class _RunCollector:
 
     def add(
         self,
-        building: BuildingDamage,
+        building: building_damage.BuildingDamage,
         im: Array,
         motion_of_record: Mapping[int, int],
         rule: pairs.PairRule,
@@ -937,7 +932,7 @@ class _RunCollector:
         `motion_of_record` is empty for ground motion fields, where runs with the same sample
         number (of the event) count as a single ground motion.
         """
-        damage = damage_by_motion(building, rule.demand)
+        damage = building_damage.damage_by_motion(building, rule.demand)
         # If the components of pairs were combined, `damage` has an entry per group of runs instead
         # of per run. Both runs of a group have the same intensity; use the first.
         if damage is not building:

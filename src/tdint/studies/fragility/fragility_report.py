@@ -14,12 +14,8 @@ from typing import TYPE_CHECKING, Any
 from tdint.errors import TdintError
 from tdint.model.config.model_file import load_model
 from tdint.number_parsing import number_text, pluralize
+from tdint.output import report
 from tdint.output.page import Chapter, PageText, Part, Picture, page
-from tdint.output.report import (
-    first_period,
-    method_text,
-    simplifications,
-)
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.studies.fragility.fit_table import study_summary
 from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility
@@ -120,7 +116,7 @@ def fragility_page(
                     INTERVALS,
                     f"Intensity measure: {stated_measure or f'not stated in {source}'}.{counted}",
                     *_dispersion(functions),
-                    *(simplifications() if study else ()),
+                    *(report.simplifications() if study else ()),
                 ],
             ),
         ),
@@ -234,7 +230,7 @@ def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
     elif content.get("name"):
         facts.append(f"Campaign: {content['name']}.")
     if isinstance(method := settings.get("method"), str):
-        facts.append(f"Time integration: {method_text(method)}.")
+        facts.append(f"Time integration: {report.method_text(method)}.")
     facts.append(
         "The errors of the time integration were estimated."
         if settings.get("check")
@@ -265,7 +261,7 @@ def _building(model: Mapping[str, Any]) -> str:
             building = load_model(file)
             return (
                 f"{building.name}, {pluralize(len(building.stories), 'story')}, first period "
-                f"{number_text(first_period(building))} s, {file.name}"
+                f"{number_text(report.first_period(building))} s, {file.name}"
             )
     return str(model["file"])
 

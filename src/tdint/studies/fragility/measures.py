@@ -47,13 +47,7 @@ from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.story_profiles import level_measure
 from tdint.studies.fragility.building_damage import BuildingDamage
 from tdint.studies.fragility.fragility_function import JACKKNIFE, Fragility
-from tdint.studies.motions.intensity import (
-    AVERAGE,
-    GEOMETRIC_MEAN,
-    check_period,
-    geometric_mean,
-    unknown_measure,
-)
+from tdint.studies.motions import intensity
 from tdint.studies.motions.pairs import (
     LARGER,
     SEPARATE,
@@ -154,7 +148,7 @@ def run_measure(text: str) -> RunMeasure:
     parsers = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in parsers:
         hint = did_you_mean(name, [*parsers, *MEASURES_OF_MOTION])
-        raise unknown_measure(text, (*MEASURES_OF_MOTION, *_FORMS), hint)
+        raise intensity.unknown_measure(text, (*MEASURES_OF_MOTION, *_FORMS), hint)
     try:
         return parsers[name](parameters)
     except (UsageError, ValueError) as error:
@@ -173,7 +167,7 @@ def _period(text: str) -> tuple[float | None, str, str]:
     if text in ("", FIRST):
         return None, "the first period of the building", "{}"
     value = float(text)
-    check_period(value)
+    intensity.check_period(value)
     return value, f"{value:g} s", f"{value:g}"
 
 
@@ -204,7 +198,9 @@ def _average(parameters: str) -> RunMeasure:
     """Return the measure Sa_avg, the geometric mean of Sa over a range of periods. `parameters` is
     FIRST:LAST[:COUNT] in s, or empty for the default multiples of the first period of the building
     (`AVERAGE`)."""
-    with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
+    with_count = (
+        parameters if parameters.count(":") == 2 else f"{parameters}:{intensity.AVERAGE.count}"
+    )
     grid = parse_grid(with_count) if parameters else None
     if grid is not None and grid.count == 1:
         raise UsageError(f"an average requires a first and a last period, got {parameters!r}")
@@ -212,12 +208,13 @@ def _average(parameters: str) -> RunMeasure:
     if isinstance(grid, Grid):
         range_text = f"{grid.first:g} to {grid.last:g} s"
     else:
-        range_text = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
+        low, high = intensity.AVERAGE.first, intensity.AVERAGE.last
+        range_text = f"{low:g} to {high:g} times the first period of the building"
 
     def value(record: Record, first_period: float) -> float:
         """Return Sa_avg of a record, m/s^2."""
-        periods = grid.values() if grid else first_period * AVERAGE.values()
-        return geometric_mean(spectrum(record, periods, SA_DAMPING).psa)
+        periods = grid.values() if grid else first_period * intensity.AVERAGE.values()
+        return intensity.geometric_mean(spectrum(record, periods, SA_DAMPING).psa)
 
     column = _column_name("sa_avg", grid.first, grid.last) if grid else "sa_avg_t1"
     called = f"sa-avg({grid.first:g}:{grid.last:g})" if grid else "sa-avg({})"
@@ -420,7 +417,7 @@ def measure_of_campaign(store: Store | None, text: str | None) -> RunMeasure:
     if store is not None:
         levels, settings = level_measure(store), store.parameters()
     measure = None if text is None else measure_named(text)
-    combination = GEOMETRIC_MEAN
+    combination = intensity.GEOMETRIC_MEAN
     if levels and levels[1]:  # numbered levels have no unit
         name, unit = levels
         called = name.replace(f"({FIRST})", "({})")

@@ -20,15 +20,9 @@ from tdint.output.figures.style import (
 from tdint.studies.fragility.fragility_function import initial_damage
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, capacity_fractiles, fractile_drifts
+from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import (
     MotionIntensity,
-)
-from tdint.studies.motions.scaling_figures import (
-    MIN_MOTIONS,
-    add_gravity_axis,
-    measure_label,
-    measure_words,
-    single_style,
 )
 
 # ---- Collapse
@@ -72,7 +66,7 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         limit = largest
     states = study.states
     count = len(states[0].motion_curves)
-    plot_style = single_style(count > 1 or len(states) > 1)
+    plot_style = scaling_figures.single_style(count > 1 or len(states) > 1)
     axes.plot(
         [], [], label=pluralize(count, "motion" if study.partners else "record"), **plot_style
     )
@@ -101,9 +95,12 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     axes.set(xlim=(0.0, 100.0 * _DRIFT_MARGIN * limit))
     axes.set(ylim=(0.0, _IM_MARGIN * (highest or 1.0)))
     axes.set(
-        xlabel="maximum drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit)
+        xlabel="maximum drift ratio (%)",
+        ylabel=scaling_figures.measure_label(study.im_name, study.measure.unit),
     )
-    add_gravity_axis(axes, measure_words(study.im_name), study.measure.unit)
+    scaling_figures.add_gravity_axis(
+        axes, scaling_figures.measure_words(study.im_name), study.measure.unit
+    )
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
 
 
@@ -130,7 +127,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     """
     damage = study.motion_curves[0].damage
     state = initial_damage(damage)
-    if len(study.motion_curves) < MIN_MOTIONS:
+    if len(study.motion_curves) < scaling_figures.MIN_MOTIONS:
         for i, curve in enumerate(study.motion_curves if several else ()):
             # The curves of a state have the same style and one legend entry.
             style = {"color": color, "linewidth": 1.6, "label": "" if i else state}

@@ -12,16 +12,9 @@ from tdint.number_parsing import number_text, pluralize
 from tdint.output import report
 from tdint.output.page import Chapter, PageText, Part, Picture, page, page_units
 from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.studies.fragility import fragility_report
 from tdint.studies.fragility.fits import fit_capacities
 from tdint.studies.fragility.fragility_function import IDA, Fragility, initial_damage
-from tdint.studies.fragility.fragility_report import (
-    INTERVALS,
-    LOGNORMAL,
-    MOST_CAPACITIES,
-    MOST_THRESHOLDS,
-    RANK_AND_FIT,
-    SOURCES,
-)
 from tdint.studies.fragility.fragility_tables import fit_table_of
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida import IdaSettings, IdaStudy
@@ -58,7 +51,7 @@ def ida_page(
     fits: list[Part] = []
     if functions:
         fits = [
-            f"{LOGNORMAL} {RANK_AND_FIT}",
+            f"{fragility_report.LOGNORMAL} {fragility_report.RANK_AND_FIT}",
             fit_table_of(functions, damaged=len(states) > 1),
             *failures,
         ]
@@ -162,7 +155,7 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
     is empty otherwise.
     """
     # The last threshold is the collapse drift.
-    thresholds = study.thresholds[-MOST_THRESHOLDS:]
+    thresholds = study.thresholds[-fragility_report.MOST_THRESHOLDS :]
     names = [f"at_{100.0 * threshold:g}_%" for threshold in thresholds[:-1]] + ["collapse"]
     limits = [item.limit for item in limit_capacities(study, study.states[0].motion_curves[0])]
     units = {"record": TEXT, "component": TEXT}
@@ -179,12 +172,13 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
         factor = _factor(curve, capacities[-1].capacity)
         names_of_row = (initial_damage(curve.damage), row.record, row.component)
         rows.append((*names_of_row, *values, factor, status))
-    table = _with_states(study, units, rows[:MOST_CAPACITIES])
+    most = fragility_report.MOST_CAPACITIES
+    table = _with_states(study, units, rows[:most])
     remarks = []
     if any(row[-1] == "censored" for row in rows):
         remarks.append("A censored capacity is the largest level that was run.")
-    if len(rows) > MOST_CAPACITIES:
-        remarks.append(f"The first {MOST_CAPACITIES} of {len(rows)}; capacities.csv lists all.")
+    if len(rows) > most:
+        remarks.append(f"The first {most} of {len(rows)}; capacities.csv lists all.")
     return table, " ".join(remarks)
 
 
@@ -261,8 +255,8 @@ def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[
         f"Time integration: {report.method_text(study.method)}, {step}; a run without a result is "
         "repeated with half the time step, up to three times.",
         "Fractiles are computed by rank over the ground motions for each drift ratio.",
-        f"Fit of {SOURCES[IDA]}.",
-        INTERVALS,
+        f"Fit of {fragility_report.SOURCES[IDA]}.",
+        fragility_report.INTERVALS,
     ]
     if study.partners:
         points.append(

@@ -34,13 +34,8 @@ from tdint.response.arguments import AnyMotion, damping_of, is_list, motion_of
 from tdint.response.spectra.elastic import SA_DAMPING, SAMPLES, spectrum
 from tdint.response.spectra.rotated import rotated_spectrum
 from tdint.response.spectra.target import TargetSpectrum, read_targets, source_of
+from tdint.studies.motions import matching_problem
 from tdint.studies.motions.intensity import pseudo_accelerations
-from tdint.studies.motions.matching_problem import (
-    MAX_GROWING_FRACTION,
-    SMALL_MISFIT,
-    MatchingProblem,
-    check_peaks,
-)
 from tdint.tabular import Progress, Tabular, progress_reporter
 
 CHECKED = 1000
@@ -478,7 +473,7 @@ def _continued(seed: GroundMotion, match_target: _MatchTarget) -> GroundMotion:
         for ratio in match_target.dampings:
             within = spectrum(record, periods, ratio, maxima=SAMPLES.name).psa
             is_later |= spectrum(record, periods, ratio).psa > _LATER * within
-    if not is_later.any() or np.mean(is_later) > MAX_GROWING_FRACTION:
+    if not is_later.any() or np.mean(is_later) > matching_problem.MAX_GROWING_FRACTION:
         return seed
     duration = 0.5 * match_target.checked[-1] + first.dt
     return _with_components(seed, [pad(record, 0.0, duration) for record in components(seed)])
@@ -539,7 +534,7 @@ def _solve_stages(
     best_samples, best_score = scaled_seed, np.inf
     for stage in range(_STAGES + 1):
         report_stage(stage)
-        problem = MatchingProblem(
+        problem = matching_problem.MatchingProblem(
             scaled_seed,
             components(seed)[0].dt,
             np.concatenate(periods_of_ratios),
@@ -552,7 +547,7 @@ def _solve_stages(
             damping=np.repeat(dampings, [periods.size for periods in periods_of_ratios]),
         )
         if stage == 0:
-            check_peaks(problem, seed, scaled_seed)
+            matching_problem.check_peaks(problem, seed, scaled_seed)
         samples, row_sum = problem.rounds(
             samples, row_sum, _MAX_ROUNDS[stage], is_first_stage=stage == 0
         )
@@ -562,7 +557,7 @@ def _solve_stages(
         misfit = np.abs(matched_psa / target_psa - 1.0)
         if (score := _score(misfit)) < best_score:
             best_samples, best_score = samples, score
-        if np.max(misfit) < SMALL_MISFIT:
+        if np.max(misfit) < matching_problem.SMALL_MISFIT:
             break
         periods_of_ratios = [
             _with_worst(periods, checked, misfit_of_ratio)
@@ -581,7 +576,9 @@ def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:
     the misfit above `SMALL_MISFIT`, except next to matched periods (within 0.3 %).
     """
     is_maximum = (
-        (misfit > SMALL_MISFIT) & (misfit >= np.roll(misfit, 1)) & (misfit >= np.roll(misfit, -1))
+        (misfit > matching_problem.SMALL_MISFIT)
+        & (misfit >= np.roll(misfit, 1))
+        & (misfit >= np.roll(misfit, -1))
     )
     added = [
         period for period in checked[is_maximum] if np.min(np.abs(np.log(periods / period))) > 0.003

@@ -27,12 +27,7 @@ from tdint.output.figures.style import (
     titled,
 )
 from tdint.output.spectrum_text import spectrum_text
-from tdint.studies.motions.intensity import (
-    GEOMETRIC_MEAN,
-    LARGER_COMPONENT,
-    PAIRS,
-    SpectralIntensity,
-)
+from tdint.studies.motions import intensity
 from tdint.studies.motions.scaling import MIN_AVERAGE_RATIO, Scaling, suite_spectra
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 
@@ -45,10 +40,10 @@ GRAY = "0.72"
 """Color of the line of a single record in a suite."""
 
 _PAIR_NAMES = {
-    GEOMETRIC_MEAN: "geometric mean",
+    intensity.GEOMETRIC_MEAN: "geometric mean",
     "rotd50": "RotD50",
     "rotd100": "RotD100",
-    LARGER_COMPONENT: "larger component",
+    intensity.LARGER_COMPONENT: "larger component",
 }
 _SPECTRAL_NAMES = {"sa": "Sa", "sa-avg": "Sa_avg"}
 
@@ -64,7 +59,7 @@ _MIN_INTERVALS = 0.06  # minimum period of spectra divided by the sampling inter
 def pair_text(demand: str) -> str:
     """Return the text in figures for a measure of both components of a pair; a `demand` that is not
     in `_PAIR_NAMES` is returned unchanged."""
-    suffix = " of both components" if demand == GEOMETRIC_MEAN else ""
+    suffix = " of both components" if demand == intensity.GEOMETRIC_MEAN else ""
     return f"{_PAIR_NAMES.get(demand, demand)}{suffix}"
 
 
@@ -84,7 +79,7 @@ def measure_words(name: str) -> str:
     after the treatment of pairs for pairs, as in `rotd50-sa(1.0)`.
     """
     # The name is [PAIR-]MEASURE[(PERIOD)]. A parameter that is not a number is not changed.
-    pair = next((pair for pair in PAIRS if name.startswith(f"{pair}-")), "")
+    pair = next((pair for pair in intensity.PAIRS if name.startswith(f"{pair}-")), "")
     measure, _, parameter = name.removeprefix(f"{pair}-").partition("(")
     period = parameter.removesuffix(")")
     with suppress(ValueError):
@@ -271,4 +266,6 @@ def _draw_target(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
 
 def _target_periods(scaling: Scaling) -> tuple[float, ...]:
     """Return the periods of the target intensity measure, s; empty for a target spectrum."""
-    return scaling.measure.periods if isinstance(scaling.measure, SpectralIntensity) else ()
+    return (
+        scaling.measure.periods if isinstance(scaling.measure, intensity.SpectralIntensity) else ()
+    )

@@ -7,21 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from tdint.model.config.sections import read_sample_units
+from tdint.model.keys import fields
 from tdint.model.keys.document import read_document
-from tdint.model.keys.fields import (
-    ANY,
-    NOT_NEGATIVE,
-    POSITIVE,
-    ROOF,
-    Choice,
-    Either,
-    EntriesOf,
-    Integer,
-    Keys,
-    NamedEntries,
-    PathOf,
-    Value,
-)
 from tdint.studies.keys import keys
 
 QUANTITIES = ("acceleration", "displacement")
@@ -94,37 +81,43 @@ class Recording:
 AUTO = "auto"
 """Value of the time shift that requests an estimate."""
 
-_SENSOR = Keys(
-    keys("sensor", quantity=Choice(QUANTITIES, "quantity"), sign=Integer(-1, 1, " (a direction)")),
+_SENSOR = fields.Keys(
+    keys(
+        "sensor",
+        quantity=fields.Choice(QUANTITIES, "quantity"),
+        sign=fields.Integer(-1, 1, " (a direction)"),
+    ),
     description="a file or a mapping with the key file",
     make=lambda value, **entries: _make_sensor(value, **entries),
 )
 # A sensor is the name of a file or a mapping; a location may have several sensors.
-_SENSOR_FORMS = Either((PathOf(), _SENSOR), _SENSOR.description)
-_SENSORS = Either(
+_SENSOR_FORMS = fields.Either((fields.PathOf(), _SENSOR), _SENSOR.description)
+_SENSORS = fields.Either(
     (
         *_SENSOR_FORMS.types,
-        EntriesOf(_SENSOR_FORMS, 1, None, "a list of files", "must name at least one file"),
+        fields.EntriesOf(_SENSOR_FORMS, 1, None, "a list of files", "must name at least one file"),
     ),
     _SENSOR_FORMS.description,
 )
-_BAND = EntriesOf(
-    POSITIVE, 2, 2, "a list of two frequencies (Hz) in increasing order", growing=True
+_BAND = fields.EntriesOf(
+    fields.POSITIVE, 2, 2, "a list of two frequencies (Hz) in increasing order", growing=True
 )
-_WINDOW = EntriesOf(NOT_NEGATIVE, 2, 2, "a list of two times (s) in increasing order", growing=True)
-_FLOORS = NamedEntries(
+_WINDOW = fields.EntriesOf(
+    fields.NOT_NEGATIVE, 2, 2, "a list of two times (s) in increasing order", growing=True
+)
+_FLOORS = fields.NamedEntries(
     _SENSORS,
-    description=f"a mapping from floors (numbers from 1, or {ROOF}) to their files",
+    description=f"a mapping from floors (numbers from 1, or {fields.ROOF}) to their files",
     empty_message="must name at least one floor",
 )
-RECORDING = Keys(
+RECORDING = fields.Keys(
     keys(
         "recording",
         base=_SENSORS,
         floors=_FLOORS,
         band=_BAND,
         window=_WINDOW,
-        shift=Either((Choice((AUTO,)), ANY), f"{AUTO} or a number of seconds"),
+        shift=fields.Either((fields.Choice((AUTO,)), fields.ANY), f"{AUTO} or a number of seconds"),
     ),
     make=lambda _, **entries: entries,
 )
@@ -151,14 +144,16 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     # digits, which Python may refuse to convert, are invalid in any case.
     floors: dict[int, tuple[Sensor, ...]] = {}
     for name, (entry, sensors) in entries["floors"].items() if entries else ():
-        if name == ROOF:
+        if name == fields.ROOF:
             floor = stories
         elif name.isascii() and name.isdecimal() and len(name) < 9:
             floor = int(name)
         else:
             floor = 0  # represents an invalid name
         if not 1 <= floor <= stories:
-            entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
+            entry.fault(
+                f"must be a floor from 1 to {stories} (the number of stories), or {fields.ROOF}"
+            )
         elif floor in floors:
             entry.fault(f"floor {floor} is specified twice")
         floors[floor] = _sensor_tuple(sensors)
@@ -181,7 +176,7 @@ def _sensor_tuple(sensors: Any) -> tuple[Sensor, ...]:
 
 
 def _make_sensor(
-    value: Value, units: str | None, sign: int | None, **entries: Any
+    value: fields.Value, units: str | None, sign: int | None, **entries: Any
 ) -> Sensor | None:
     """Return the sensor of a mapping, and report errors in the combination of its entries.
 

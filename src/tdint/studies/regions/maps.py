@@ -19,12 +19,7 @@ from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.campaign_tables import copied_columns, numeric
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import SuiteLevel, SuiteRules
-from tdint.studies.fragility.building_damage import (
-    TypeDamage,
-    group_damages,
-    has_losses,
-    stored_states,
-)
+from tdint.studies.fragility import building_damage
 from tdint.studies.fragility.damage_tables import LOSS, check_column, has_costs, probability_name
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import RUNS
@@ -101,7 +96,7 @@ def check_map(store: Store, requested: Collection[str], by: str | None, *, compl
             raise UsageError(f"--event {name}: {store.name} has no such event; {reason}")
     if by is not None:
         check_column(store, by)
-        if not has_losses(store):
+        if not building_damage.has_losses(store):
             raise UsageError(
                 f"--geojson --by {by}: a map of districts requires losses; add `damage` with "
                 "`losses` to the campaign file"
@@ -139,7 +134,9 @@ def building_features(
     longitude, latitude = titles.index("longitude"), titles.index("latitude")
     rules, events, buildings = SuiteRules.of(store), store.events(), store.buildings()
     # Buildings have the same order as the runs. Without damage states, the iterator is empty.
-    damages = groupby(group_damages(store, by_building=True), key=lambda group: group.building)
+    damages = groupby(
+        building_damage.group_damages(store, by_building=True), key=lambda group: group.building
+    )
     rates, costs = store.rates(), has_costs(store)
     inventory_names, is_numeric = _inventory_names(store), numeric(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
@@ -195,7 +192,7 @@ def _inventory_names(store: Store) -> tuple[str, ...]:
     ]
     outcomes = [
         probability_name(name)
-        for states in stored_states(store).values()
+        for states in building_damage.stored_states(store).values()
         for name in states.outcomes
     ]
     other_names = (*_PROPERTIES, *demands, *outcomes, LOSS.name)
@@ -220,8 +217,8 @@ def _position(longitude: str, latitude: str) -> list[float] | None:
 
 
 def _with_losses(
-    groups: Sequence[TypeDamage], rates: Mapping[str, float], *, costs: bool
-) -> Iterator[tuple[TypeDamage, Feature]]:
+    groups: Sequence[building_damage.TypeDamage], rates: Mapping[str, float], *, costs: bool
+) -> Iterator[tuple[building_damage.TypeDamage, Feature]]:
     """Yield each group with its losses: the loss ratio, with costs `value` and `loss`, with rates
     of the events `annual_loss` and `average_annual_loss`, the sum over the events of the same
     entry and level that have a result."""
@@ -264,7 +261,7 @@ def district_features(
         Events to write; all by default.
     """
     positions, costs = _positions_by_district(store, by), has_costs(store)
-    groups = list(group_damages(store, by=by))
+    groups = list(building_damage.group_damages(store, by=by))
     pair_demand = store.pair_rule().demand_if_pairs
     for group, losses in _with_losses(groups, store.rates(), costs=costs):
         if requested and group.event not in requested:

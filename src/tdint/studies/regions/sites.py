@@ -15,15 +15,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint import csv_table
 from tdint.arrays import cached_property
-from tdint.csv_table import (
-    BLOCK,
-    CsvTable,
-    number_error,
-    numbers_in,
-    read_table,
-    stream_table,
-)
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_whole
 from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_names
@@ -113,7 +106,7 @@ def read_grid(grid: GridFile) -> CampaignMotions:
             f"as {grid.units}"
         )
     columns = ("GP_file", "Longitude", "Latitude")
-    table = read_table(
+    table = csv_table.read_table(
         grid.file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns
     )
     table.need(*columns)
@@ -156,7 +149,9 @@ def _read_points(
     point_motions = []
     for file in files:
         motions_at_point: list[PointMotion] = []
-        table = read_table(str(folder / file), _POINT_FORMAT, columns=("TH_file", "factor"))
+        table = csv_table.read_table(
+            str(folder / file), _POINT_FORMAT, columns=("TH_file", "factor")
+        )
         names = table.texts("TH_file", empty=False)
         for name, factor in zip(names, factors_in(table), strict=True):
             if name not in components_by_record:
@@ -251,7 +246,9 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     Events that are not in the fields are ignored. ModelError is raised if the file cannot be read,
     a rate is negative, or an event has no rate.
     """
-    table = read_table(file, "rates are a CSV file with the columns event and rate", comment="#")
+    table = csv_table.read_table(
+        file, "rates are a CSV file with the columns event and rate", comment="#"
+    )
     event = _find_column(table, _EVENT_NAMES)
     table.need(event, "rate")
     values = table.numbers("rate")
@@ -295,7 +292,7 @@ class _FieldRows:
     """
 
     settings: FieldFile
-    table: CsvTable
+    table: csv_table.CsvTable
     columns: tuple[str, str, str, str, str, str]
     unit: float
     measure: IntensityMeasure | None
@@ -326,7 +323,7 @@ class _FieldRows:
         )
         # Without a value, the factor is 1. A value that is not a number is NaN, for which the
         # comparison is False.
-        values = numbers_in(texts)
+        values = csv_table.numbers_in(texts)
         if not self.measure and "" in texts:
             values[[not text for text in texts]] = 1.0
         are_allowed = (values > 0.0 if self.measure else np.abs(values) > 0.0).all()
@@ -381,7 +378,7 @@ class _FieldRows:
             return f"{value_column} is missing"
         if math.isnan(value) or (self.measure and value <= 0.0):
             required = "a positive number" if self.measure else "a number"
-            return f"{value_column} {number_error(value_text, required)}"
+            return f"{value_column} {csv_table.number_error(value_text, required)}"
         if value == 0.0:
             return f"{value_column} must not be zero, got {value_text[:40]!r}"
         return ""
@@ -452,7 +449,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> _FieldRows:
     )
     columns = (*_EVENT_NAMES, *_SITE_NAMES, "record", _SECOND_FILE, "component", "factor")
     # Read row by row: a table of many events at many sites does not fit into memory as text.
-    table, lines = stream_table(file, needs, columns=columns, comment="#")
+    table, lines = csv_table.stream_table(file, needs, columns=columns, comment="#")
     event, site = _find_column(table, _EVENT_NAMES), _find_column(table, _SITE_NAMES)
     table.need(event, "record", *([site] if field.sites else ()))
     if table.has(_SECOND_FILE) and not field.pairs:
@@ -465,7 +462,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> _FieldRows:
     rows = _FieldRows(field, table, used_columns, unit, measure, sites)
     # Collect errors up to a maximum, so that users can correct all errors in a single edit.
     faults: list[str] = []
-    while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):
+    while len(faults) < _MAX_FAULTS and (block := list(islice(lines, csv_table.BLOCK))):
         faults += rows.add_block(block)
     if not rows.blocks:
         raise ModelError(f"{file}: the table has no rows below its header; {needs}")
@@ -480,7 +477,7 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> _FieldRows:
     return rows
 
 
-def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
+def _field_values(table: csv_table.CsvTable) -> tuple[str, float, IntensityMeasure | None]:
     """Return the column with the values of a table of fields, its unit, and its intensity measure.
     The values are factors on the records (no measure), or intensities computed by OpenQuake; the
     records are scaled to these values.
@@ -509,7 +506,7 @@ def _site_locations(file: str) -> dict[str, tuple[float, float]]:
     """Read a table of sites, and return a dictionary from the name of each site to its longitude
     and latitude, degrees. `file` is the path of the CSV file."""
     format_text = "sites are a CSV file with the columns site, longitude, latitude"
-    table = read_table(
+    table = csv_table.read_table(
         file, format_text, columns=(*_SITE_NAMES, *_LONGITUDE_NAMES, *_LATITUDE_NAMES), comment="#"
     )
     site, longitude, latitude = (
@@ -520,7 +517,7 @@ def _site_locations(file: str) -> dict[str, tuple[float, float]]:
     return dict(zip(table.distinct(site, "site"), locations, strict=True))
 
 
-def _find_column(table: CsvTable, names: Sequence[str]) -> str:
+def _find_column(table: csv_table.CsvTable, names: Sequence[str]) -> str:
     """Return the name of a column that can have several names.
 
     The result is the first name in `names` that the table contains. If the table contains none of
@@ -658,7 +655,7 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
     return tuple(motion._replace(ground_motion=motion.record, direction=1) for motion in selected)
 
 
-def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
+def _degrees(table: csv_table.CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
     """Return the longitude and latitude of each row of a table, degrees. `longitude` and `latitude`
     are the names of the columns."""
     longitudes, latitudes = table.numbers(longitude), table.numbers(latitude)
@@ -673,7 +670,7 @@ def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float
     return list(zip(longitudes, latitudes, strict=True))
 
 
-def factors_in(table: CsvTable, *, empty: bool = True) -> list[float]:
+def factors_in(table: csv_table.CsvTable, *, empty: bool = True) -> list[float]:
     """Return the scale factors in the column `factor`, which must not be zero. If the column is
     missing, or a cell is empty (which `empty` allows), the factor is 1."""
     if not table.has("factor"):
