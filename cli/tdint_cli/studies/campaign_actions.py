@@ -21,14 +21,7 @@ from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import locked
 from tdint.system import processors
 from tdint_cli.drawing import emit_table
-from tdint_cli.studies.campaign_files import (
-    apply_style,
-    check_names,
-    execute_campaign,
-    finish,
-    refuse_foreign,
-    write_exports,
-)
+from tdint_cli.studies import campaign_files
 from tdint_cli.studies.campaign_request import CampaignRequest
 from tdint_cli.studies.suite_results import SuiteResults
 from tdint_cli.terminal import Failures, say, warn
@@ -51,7 +44,7 @@ def run(request: CampaignRequest) -> None:
     request.floor_request.check(request.output)
     for name in request.im or ():
         run_measure(name)
-    check_names(Path(request.output), request)
+    campaign_files.check_names(Path(request.output), request)
     shard = None
     if request.shard is not None:
         first, slash, last = request.shard.partition("/")
@@ -73,8 +66,8 @@ def run(request: CampaignRequest) -> None:
         )
     campaign = replace(campaign, pair_demand=request.pair_demand or campaign.pair_demand)
     plan = make_plan(campaign, read_inputs(campaign))
-    apply_style(plan.style, campaign.source)
-    execute_campaign(plan, engine, request, shard=shard, max_runs=request.max_runs)
+    campaign_files.apply_style(plan.style, campaign.source)
+    campaign_files.execute_campaign(plan, engine, request, shard=shard, max_runs=request.max_runs)
 
 
 def status(request: CampaignRequest) -> None:
@@ -109,8 +102,8 @@ def export(request: CampaignRequest) -> None:
     """
     folder = _folder(request)
     with open_existing(folder, write=True) as store:
-        extra_files = check_names(folder, request)
-        apply_style(store.style(), str(folder))
+        extra_files = campaign_files.check_names(folder, request)
+        campaign_files.apply_style(store.style(), str(folder))
         if not request.overwrite:
             store.refuse_foreign(extra_files)
         check_chunks(store)
@@ -119,7 +112,7 @@ def export(request: CampaignRequest) -> None:
         results = SuiteResults(store, request)
         if request.polygons is not None and request.by is None:
             raise UsageError("--polygons requires --by COLUMN, the column of the districts")
-        write_exports(results, folder, simcenter=request.simcenter)
+        campaign_files.write_exports(results, folder, simcenter=request.simcenter)
         if unmet_limits := results.report_results():
             raise Failures(unmet_limits)
 
@@ -139,16 +132,18 @@ def merge(request: CampaignRequest) -> None:
     # Lock the directory, so that no other process writes to the directory while the stores are
     # copied.
     with locked(target):
-        check_names(target, request)
-        refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
+        campaign_files.check_names(target, request)
+        campaign_files.refuse_foreign(
+            target, stories=True, profiles=True, overwrite=request.overwrite
+        )
         with merge_stores(
             folders, target, partial=request.partial, overwrite=request.overwrite
         ) as store:
-            apply_style(store.style(), str(target))
+            campaign_files.apply_style(store.style(), str(target))
             if request.pair_demand is not None:
                 store.choose_pair_demand(request.pair_demand)
             results = SuiteResults(store, request)
-            finish(results, target)
+            campaign_files.finish(results, target)
             run_count, done = int(store.meta("runs")), sum(store.statuses().values())
             if done < run_count:
                 missing = f"{run_count - done} of {run_count} runs are missing in the directories"

@@ -39,22 +39,12 @@ from tdint.studies.store.opening import open_replacement, open_store, write_from
 from tdint.studies.store.result_store import FILE, Identity, Store, foreign_file_error
 from tdint.studies.store.schema import AnotherStudyError, UntrustedStoreError
 from tdint.system import processors
-from tdint_cli import options
+from tdint_cli import options, terminal
 from tdint_cli.demand_limits import check_limit_options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.studies.suite_results import NOT_STORED, SuiteResults, unfinished
-from tdint_cli.terminal import (
-    Failures,
-    current,
-    is_debug,
-    note,
-    note_of_runs,
-    progress_bar,
-    say,
-    warn,
-)
 
 if TYPE_CHECKING:
     from tdint.files import Content, Writer
@@ -137,7 +127,7 @@ def execute_campaign(
             store, notes = _open_store(folder, plan, shard_buildings, replaces=replaces)
             notes += filter(None, [reuse_note])
         warn_of_plan(plan)
-        note_of_runs(*plan.notes, *notes)
+        terminal.note_of_runs(*plan.notes, *notes)
         stack.enter_context(store)
         # Refuse files with the names of results that were not written from this store.
         if not request.overwrite:
@@ -157,7 +147,7 @@ def execute_campaign(
             if Path(store.name) == folder / FILE or store.completed_chunks().issuperset(part):
                 finish(results, folder, plan)  # write all tables, figures and the summary
             else:
-                note(
+                terminal.note(
                     f"{folder}: the earlier campaign remains until all runs of the new one are "
                     "done; continue with --overwrite"
                 )
@@ -179,10 +169,10 @@ def _report(results: SuiteResults, advance: Advance) -> list[TdintError]:
     new_runs = advance.done - advance.before
     if new_runs:
         before = f", {advance.before} before" if advance.before else ""
-        duration = f" in {advance.seconds:.3g} s ({_rate(advance)})" if is_debug() else ""
-        say(f"{pluralize(new_runs, 'run')}{duration}{before}.")
+        duration = f" in {advance.seconds:.3g} s ({_rate(advance)})" if terminal.is_debug() else ""
+        terminal.say(f"{pluralize(new_runs, 'run')}{duration}{before}.")
     else:
-        say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
+        terminal.say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
     report_outcomes(store)
     return results.report_results()
 
@@ -198,7 +188,7 @@ def _raise_failures(plan: Plan, unmet_limits: Sequence[TdintError]) -> None:
         )
         without_motion = [RecordError(text)]
     if plan.failures or unmet_limits or without_motion:
-        raise Failures([*plan.failures, *without_motion, *unmet_limits])
+        raise terminal.Failures([*plan.failures, *without_motion, *unmet_limits])
 
 
 def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
@@ -260,13 +250,13 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
         )
     if rule.pairs:
         files = [motion.name for motion in plan.motions]
-        note(rule.note(files, is_default=plan.pair_demand is None))
+        terminal.note(rule.note(files, is_default=plan.pair_demand is None))
 
 
 def warn_of_plan(plan: Plan) -> None:
     """Warn of unusual values of the buildings first, then of assumptions on the motions."""
-    warn(*plan.warnings)
-    warn(*options.record.warnings_of_suite([motion.record for motion in plan.motions]))
+    terminal.warn(*plan.warnings)
+    terminal.warn(*options.record.warnings_of_suite([motion.record for motion in plan.motions]))
 
 
 def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
@@ -305,7 +295,7 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
 def warn_unfinished(store: Store) -> None:
     """Warn that the following results use only the finished runs, unless all runs are done."""
     if progress := unfinished(store):
-        warn(f"{store.name}: {progress}; the following results use only these runs")
+        terminal.warn(f"{store.name}: {progress}; the following results use only these runs")
 
 
 def is_complete(store: Store) -> bool:
@@ -353,7 +343,7 @@ def advance_with_bar(
     max_runs : int, optional
         Maximum number of runs. By default, all remaining runs.
     """
-    with progress_bar(to_terminal=False) as progress:
+    with terminal.progress_bar(to_terminal=False) as progress:
 
         def show_progress(advance: Advance) -> None:
             """Show the numbers of completed and of all runs, and the rate."""
@@ -393,10 +383,10 @@ def finish(results: SuiteResults, folder: Path, plan: Plan | None = None) -> Non
     _write(results, folder, plan, export_writers, inputs=inputs, provenance=provenance)
     for name, writer in export_writers.items():
         if writer:
-            note(f"{folder / name}: updated to the current state of the campaign")
+            terminal.note(f"{folder / name}: updated to the current state of the campaign")
         else:
             (folder / name).unlink(missing_ok=True)
-            note(
+            terminal.note(
                 f"{folder / name}: removed, because it was outdated and this call cannot update "
                 "it; run `tdint campaign export` to write it again"
             )
@@ -474,7 +464,7 @@ def write_exports(results: SuiteResults, folder: Path, *, simcenter: bool) -> No
     # campaign, so that it is removed.
     if DISTRICTS in exported and not writers[DISTRICTS]:
         (folder / DISTRICTS).unlink(missing_ok=True)
-        note(
+        terminal.note(
             f"{folder / DISTRICTS}: removed, because it was outdated; add --geojson --by COLUMN "
             "to write it again"
         )
@@ -483,7 +473,7 @@ def write_exports(results: SuiteResults, folder: Path, *, simcenter: bool) -> No
     provenance: dict[str, Any] = {
         **{key: last_summary[key] for key in ("arguments", "command") if key in last_summary},
         "time_loops": store.time_loops(),
-        "export": list(current().arguments),
+        "export": list(terminal.current().arguments),
     }
     inputs = merged_inputs(last_summary.get("inputs", ()), files_read())
     _write(results, folder, None, writers, inputs=inputs, provenance=provenance)
@@ -556,7 +546,7 @@ def _write(
     complete = is_complete(store)
     if settings["profiles"] and complete:
         files[PROFILES] = tables.profiles_table(store, units).write
-        warn(*filter(None, [small_sample_warning(store.smallest_suite())]))
+        terminal.warn(*filter(None, [small_sample_warning(store.smallest_suite())]))
     if store.damage() and store.is_requested("damage"):
         files[DAMAGE] = lambda stream: damages.damage_table(store).write(stream, units)
         if complete:
@@ -587,24 +577,26 @@ def report_outcomes(store: Store) -> None:
     # Missing results require a warning. A collapse is a result and is reported as a plain line.
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
-        warn(
+        terminal.warn(
             f"{pluralize(sum(failed.values()), 'run')} without a result ({listed}); the cells of "
             "these runs are empty"
         )
     collapsed = {name: statuses[name] for name in FALLEN if name in statuses}
     if collapsed:
         listed = ", ".join(f"{pluralize(count, 'run')} {name}" for name, count in collapsed.items())
-        say(f"{listed}.")
+        terminal.say(f"{listed}.")
     if repeated := store.count("repeats > 0"):
-        note(f"{pluralize(repeated, 'run')} repeated with smaller time steps (column dt_s)")
+        terminal.note(
+            f"{pluralize(repeated, 'run')} repeated with smaller time steps (column dt_s)"
+        )
     if without_estimate := without_error(store):
-        note(
+        terminal.note(
             f"{pluralize(without_estimate, 'run')} without error estimates, because the additional "
             "run for the estimate failed, or collapsed before the end of the run; the cells of "
             "these errors are empty"
         )
     if moving := store.count("at_rest = 0"):
-        warn(
+        terminal.warn(
             f"{pluralize(moving, 'run')} still in motion at the end of the analysis; the "
             "residual drifts of these runs are not final values; omit them from evaluations "
             f"(at_rest = 0 in {FILE})"

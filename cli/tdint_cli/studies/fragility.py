@@ -339,25 +339,20 @@ def _write_openquake(
 
     `files` contains the paths of the fragility model and of the vulnerability model.
     """
-    from tdint.studies.campaign.exports import (
-        STRENGTH,
-        fragility_model,
-        vulnerability_model,
-        whole_types,
-    )
+    from tdint.studies.campaign import exports
 
     file = files[0]
     if functions[0].im.startswith("sdi"):
-        warn(f"{file}: {STRENGTH}")
+        warn(f"{file}: {exports.STRENGTH}")
     incomplete: Sequence[str] = ()
     if functions[0].type:
-        functions, incomplete = whole_types(functions)
+        functions, incomplete = exports.whole_types(functions)
     for name in incomplete:
         warn(f"{file}: {name} is omitted, because some of its damage states have no function")
-    contents = {file: fragility_model(functions, file.stem, request.states or ())}
+    contents = {file: exports.fragility_model(functions, file.stem, request.states or ())}
     if len(files) > 1:
         losses = _losses(Path(request.table))
-        contents[files[1]] = vulnerability_model(functions, losses, file.stem)
+        contents[files[1]] = exports.vulnerability_model(functions, losses, file.stem)
     write_files(contents, overwrite=request.outputs.overwrite)
 
 

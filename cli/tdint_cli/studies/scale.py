@@ -13,16 +13,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs
 from tdint.number_parsing import abbreviate, parse_positive
 from tdint_cli import options
-from tdint_cli.options.option_types import (
-    Count,
-    FileName,
-    ListOf,
-    Number,
-    PairWish,
-    Written,
-    span,
-    span_at,
-)
+from tdint_cli.options import option_types
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.studies import options as study_options
@@ -86,7 +77,7 @@ class ScaleRequest(RecordsRequest):
     target: str | None = options.spectra.target("Scale to this spectrum")
     range: Grid | None = options.option(
         needs="--target",
-        type=span_at(100),
+        type=option_types.span_at(100),
         help="Period range in which the spectra are fitted to the target, s. FIRST:LAST (100 "
         "periods, logarithmically spaced) or FIRST:LAST:COUNT. Default: all periods of the target; "
         "with --building, or with --at T and --rule asce7 or ec8, 0.2 T to 2 T.",
@@ -102,26 +93,26 @@ class ScaleRequest(RecordsRequest):
     )
     building: tuple[str, ...] | None = options.option(
         needs="--target",
-        type=ListOf(FileName()),
+        type=option_types.ListOf(option_types.FileName()),
         metavar="MODEL.yaml,...",
         help="Fit the target from 0.2 to 2 times the first natural period of this building; for "
         "several buildings, from 0.2 times the shortest to 2 times the longest period.",
     )
     max_factor: float | None = options.option(
         rare=True,
-        type=Number(0.0, min_open=True),
+        type=option_types.Number(0.0, min_open=True),
         metavar="FACTOR",
         help="Fail with exit code 5 if a factor exceeds this value; the ground motions are named.",
     )
     select: int | None = options.option(
         needs="--target",
-        type=Count(1),
+        type=option_types.Count(1),
         help="Select this number of ground motions, so that the mean of their scaled spectra fits "
         "the target; --rule is applied to the selection.",
     )
     factor_range: tuple[float, float] | None = options.option(
         needs="--select",
-        type=span,
+        type=option_types.span,
         rare=True,
         help="Minimum and maximum factor of the selected ground motions (default 0.25:4). Factors "
         "are clipped to this range, including the common factor of --rule asce7 and ec8. If no "
@@ -129,7 +120,7 @@ class ScaleRequest(RecordsRequest):
     )
     per_event: int | None = options.option(
         needs="--select",
-        type=Count(1),
+        type=option_types.Count(1),
         rare=True,
         help="Maximum number of selected ground motions per event. The event is taken from "
         "--events, from the header of the file (name, date, origin time), or from the start time "
@@ -137,7 +128,7 @@ class ScaleRequest(RecordsRequest):
     )
     events: str | None = options.option(
         needs="--per-event",
-        type=FileName(),
+        type=option_types.FileName(),
         rare=True,
         help="CSV file with the event of each record, columns record (file name) and event. One "
         "row is sufficient for both components of a recording.",
@@ -150,21 +141,23 @@ class ScaleRequest(RecordsRequest):
         "columns period_s and scatter.",
     )
     to: tuple[str, float] | None = options.option(
-        type=Written("measure", _measure_value),
+        type=option_types.Written("measure", _measure_value),
         metavar="MEASURE=VALUE",
         help="Scale to this intensity: sa=0.6g at the period --at, sa-avg=0.4g (geometric mean, "
         "0.2 to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, arias=2m/s, cav=9m/s, or a "
         "measure of a plug-in.",
     )
     at: float | None = options.option(
-        type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of sa and sa-avg."
+        type=option_types.Number(0.0, min_open=True),
+        metavar="SECONDS",
+        help="Period of sa and sa-avg.",
     )
     p695: bool = options.option(
         rare=True,
         help="Normalize pairs by their peak ground velocities (FEMA P-695, A.8). With --to sa "
         "and --at, then scale the set to this median Sa of all components.",
     )
-    pairs: PairWish | None = study_options.pairs(
+    pairs: option_types.PairWish | None = study_options.pairs(
         "Scale both horizontal components of a ground motion with one factor, based on this "
         "measure."
     )
@@ -219,12 +212,14 @@ class ScaleRequest(RecordsRequest):
             )
 
     @property
-    def pair_wish(self) -> PairWish | None:
+    def pair_wish(self) -> option_types.PairWish | None:
         """Settings for pairs of components; None for single components."""
         from tdint.ground_motion.horizontals import USUAL
 
         # --p695 and --rule asce7 are defined for pairs, so that --pairs is not required.
-        return self.pairs or (PairWish(None, USUAL) if self.p695 or self.rule == "asce7" else None)
+        return self.pairs or (
+            option_types.PairWish(None, USUAL) if self.p695 or self.rule == "asce7" else None
+        )
 
     @property
     def pair(self) -> str:
@@ -235,7 +230,7 @@ class ScaleRequest(RecordsRequest):
 _SPECTRA = options.output.option(
     "--spectra",
     needs="--target",
-    type=FileName(written=True),
+    type=option_types.FileName(written=True),
     help="Also write the scaled spectra, their mean and the target as CSV to this file.",
 )
 

@@ -13,11 +13,7 @@ from matplotlib.patches import Rectangle
 
 from tdint.assessment.chart.chart_figures import CHART_FOOT
 from tdint.errors import UsageError
-from tdint.output.figures.style import (
-    INCH,
-    is_narrow,
-    titled,
-)
+from tdint.output.figures import style
 from tdint.output.printed import PRINTED
 
 if TYPE_CHECKING:
@@ -74,7 +70,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
     headings = [f"{name}, dt {dt:.4g}" for name, dt in columns]
-    narrow, size = is_narrow(), _matrix_size(methods, len(columns))
+    narrow, size = style.is_narrow(), _matrix_size(methods, len(columns))
     # Each panel has a part of the columns.
     panel_headings = [
         headings[first : first + size.columns] for first in range(0, len(headings), size.columns)
@@ -133,7 +129,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
         title_fontsize=7.5,
     )
     legend.get_title().set_multialignment("center")
-    return titled(figure, "Problems on which methods fail")
+    return style.titled(figure, "Problems on which methods fail")
 
 
 class _MatrixSize(NamedTuple):
@@ -167,7 +163,7 @@ def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
     if not printed_width:
         width = max(_CELL[0] * count + max(2.2, 1.2 * name_width), 7.5)
         return _MatrixSize(width, count, _CELL[1], is_vertical=False)
-    width = printed_width / INCH
+    width = printed_width / style.INCH
     for panels in range(1, _MAX_PANELS + 1):
         columns = math.ceil(count / panels)
         cell_width = (width - name_width) / columns
@@ -175,7 +171,7 @@ def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
             return _MatrixSize(width, columns, _CELL[1], is_vertical=False)
         if cell_width >= _MIN_WIDTH_VERTICAL:
             return _MatrixSize(width, columns, _HEIGHT_VERTICAL, is_vertical=True)
-    min_width = math.ceil(1e3 * INCH * (name_width + _MIN_WIDTH_VERTICAL * columns))
+    min_width = math.ceil(1e3 * style.INCH * (name_width + _MIN_WIDTH_VERTICAL * columns))
     raise UsageError(
         f"the names of these methods and their numbers require a width of at least {min_width} mm; "
         "specify a larger width, or fewer methods and problems"
