@@ -917,7 +917,9 @@ class _RunCollector:
     has_draws: bool = False
     failed: int = 0
     periods: tuple[float, float] = (math.inf, 0.0)
-    columns: Sequence[array[Any]] = field(default_factory=lambda: list(map(array, "ddqdq")))
+    columns: Sequence[array[Any]] = field(
+        default_factory=lambda: [array(typecode) for typecode in "ddqdq"]
+    )
     _draws: dict[str, int] = field(default_factory=dict)
 
     def add(
@@ -965,9 +967,14 @@ class _RunCollector:
         """
         shortest, longest = self.periods
         is_same_period = 0.0 < longest < math.inf and longest - shortest <= _SAME_PERIOD * shortest
-        *runs, draw = (np.frombuffer(column, column.typecode) for column in self.columns)
+        im, demand, motion, weight, draw = (
+            np.frombuffer(column, column.typecode) for column in self.columns
+        )
         return SuiteRuns(
-            *runs,
+            im,
+            demand,
+            motion,
+            weight,
             (measure.label(shortest if is_same_period else None), unit),
             has_levels=measure.column == measures.LEVEL,
             draw=draw if self.has_draws else None,
