@@ -13,6 +13,7 @@ import tdint
 from facts import states
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.reading.suites import suite_motions
 from tdint.model.config.record_files import RecordFiles
 from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
 from tdint.studies.campaign.campaign_tables import run_table
@@ -27,7 +28,7 @@ from tdint.studies.campaign.definition import (
     reordered,
 )
 from tdint.studies.campaign.execute import execute_plan, threads
-from tdint.studies.campaign.inputs import Inputs, suite_motions
+from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.campaign.plan import make_plan
 from tdint.studies.campaign.reader import load_campaign
 from tdint.studies.sensitivity.sensitivity import (

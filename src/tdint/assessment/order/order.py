@@ -14,10 +14,16 @@ from tdint.arrays import Array
 from tdint.assessment.stability.stability import critical_step, false_limit, for_methods, stability
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
-from tdint.methods import step_check
 from tdint.methods.catalogue import parse
 from tdint.methods.exact_step import oscillator
 from tdint.methods.method import Integrator
+from tdint.methods.step_check import (
+    GuardedArray,
+    energy_balance,
+    faults_in,
+    faults_with_yielding,
+    integrate_in_python,
+)
 from tdint.model.building import (
     Building,
     assemble,
@@ -451,10 +457,10 @@ def check_method(integrator: Integrator) -> MethodCheck:
     step = integrator.family.step
     VALIDATED_STEPS.add(step)
     try:
-        step_check.integrate_in_python("linear", integrator, 1)
+        integrate_in_python("linear", integrator, 1)
         if not integrator.family.linear_only:
-            yielding = step_check.faults_with_yielding(integrator)
-            balance = step_check.energy_balance(integrator, "bilinear")
+            yielding = faults_with_yielding(integrator)
+            balance = energy_balance(integrator, "bilinear")
             if not (balance.fault or math.isnan(balance.order)):
                 notes.append(
                     f"{integrator.label}: with stories of law {balance.law}, numerical damping is "
@@ -524,10 +530,8 @@ def check_law(model: Model, story: int) -> list[str]:
     try:
         for spring, column, yield_drift in zip(subject.springs, columns, yields, strict=True):
             law = LAWS[spring.law.name]
-            with step_check.faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
-                faults += path_faults(
-                    law, parameters[:, column], yield_drift, step_check.GuardedArray.of
-                )
+            with faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
+                faults += path_faults(law, parameters[:, column], yield_drift, GuardedArray.of)
     except AnalysisError as error:
         # The cyclic test below would fail with a less clear message.
         return [str(error)]
