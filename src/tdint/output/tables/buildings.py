@@ -16,8 +16,18 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.model.story import column_name
 from tdint.model.story_laws import default_numbers, named_parameters
-from tdint.output.tables import table
 from tdint.output.tables.columns import declared
+from tdint.output.tables.table import (
+    FLOOR,
+    METHOD_SPEC,
+    PERIOD,
+    TEXT,
+    Cell,
+    Column,
+    Table,
+    elements_of,
+    numbered,
+)
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -29,13 +39,13 @@ if TYPE_CHECKING:
 
 CYCLIC = declared(
     "buildings.cyclic",
-    step=table.numbered("path.drift", 0),
+    step=numbered("path.drift", 0),
     drift_ratio=lambda test: test.path.drift / test.height,
 )
 
 
 (_SHEAR_BEAM,) = declared("buildings.shear_beam")
-_STORIES_COLUMNS = declared("buildings.stories_columns", story=table.numbered("building.mass"))
+_STORIES_COLUMNS = declared("buildings.stories_columns", story=numbered("building.mass"))
 INVENTORY = (
     *declared("buildings.inventory-1"),
     _SHEAR_BEAM,
@@ -46,15 +56,13 @@ CLASS_COLUMNS = (
     INVENTORY[0],
     *declared("buildings.class_columns"),
     _SHEAR_BEAM,
-    table.Column.named(
-        "building.participation", "roof displacement divided by spectral displacement"
-    ),
+    Column.named("building.participation", "roof displacement divided by spectral displacement"),
     *_STORIES_COLUMNS,
     *(
-        table.Column(
+        Column(
             f"{name}_{point + 1}_{unit}",
             unit,
-            table.elements_of(f"building.{attribute}", np.s_[:, point]),
+            elements_of(f"building.{attribute}", np.s_[:, point]),
             f"{name} of point {point + 1} of the backbone",
         )
         for point in range(4)
@@ -64,26 +72,24 @@ CLASS_COLUMNS = (
 """Columns of buildings with capacity curves."""
 
 
-def pushover(stories: int) -> tuple[table.Column, ...]:
+def pushover(stories: int) -> tuple[Column, ...]:
     """Return the columns of the table of a pushover analysis, with a column for the drift of each
     story. `stories` is the number of stories."""
     return (
-        table.Column(
+        Column(
             "step",
             "1",
-            table.numbered("base_shear", 0),
+            numbered("base_shear", 0),
             "load step; 0 is the undeformed state",
         ),
-        table.Column.named("roof_displacement", "roof displacement relative to the ground", "m"),
-        table.Column.named(
-            "roof_drift_ratio", "roof displacement divided by the height of the building"
-        ),
-        table.Column.named("base_shear", "base shear: sum of the forces on the floors", "N"),
+        Column.named("roof_displacement", "roof displacement relative to the ground", "m"),
+        Column.named("roof_drift_ratio", "roof displacement divided by the height of the building"),
+        Column.named("base_shear", "base shear: sum of the forces on the floors", "N"),
         *(
-            table.Column(
+            Column(
                 f"story_{i + 1}_drift_m",
                 "m",
-                table.elements_of("drift", np.s_[:, i]),
+                elements_of("drift", np.s_[:, i]),
                 "drift: displacement relative to the floor below",
             )
             for i in range(stories)
@@ -91,22 +97,20 @@ def pushover(stories: int) -> tuple[table.Column, ...]:
     )
 
 
-def pushover_table(result: Pushover) -> table.Table:
+def pushover_table(result: Pushover) -> Table:
     """Return the table of a pushover, with a row per load step; row 0 is the undeformed state."""
-    return table.Table.of_results(pushover(result.drift.shape[1]), [result])
+    return Table.of_results(pushover(result.drift.shape[1]), [result])
 
 
 ELEMENT_EVENTS = declared("buildings.element_events")
 """Changes of stiffness of the elements of stories with several elements in a pushover."""
 
 
-TARGET_DISPLACEMENT = declared("buildings.target_displacement", story=table.numbered("drift"))
+TARGET_DISPLACEMENT = declared("buildings.target_displacement", story=numbered("drift"))
 TARGET_OF_BUILDING = (
     TARGET_DISPLACEMENT[0],
     *declared(
-        "buildings.target_of_building",
-        c1=table.elements_of("factors", 0),
-        c2=table.elements_of("factors", 1),
+        "buildings.target_of_building", c1=elements_of("factors", 0), c2=elements_of("factors", 1)
     ),
 )
 
@@ -116,9 +120,9 @@ _COMBINED = (
     ("cqc", "complete quadratic combination"),
 )
 MODAL_RESPONSE = (
-    table.Column("story", "1", table.numbered("drift_cqc"), "story, numbered from the ground"),
+    Column("story", "1", numbered("drift_cqc"), "story, numbered from the ground"),
     *(
-        table.Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {text}")
+        Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {text}")
         for rule, text in _COMBINED
     ),
     *declared(
@@ -126,11 +130,11 @@ MODAL_RESPONSE = (
         drift_ratio_cqc=lambda result: result.drift_cqc / result.height,
     ),
     *(
-        table.Column(f"shear_{rule}_N", "N", f"shear_{rule}", f"story shear, {text}")
+        Column(f"shear_{rule}_N", "N", f"shear_{rule}", f"story shear, {text}")
         for rule, text in _COMBINED
     ),
     *(
-        table.Column(
+        Column(
             f"displacement_{rule}_m",
             "m",
             f"displacement_{rule}",
@@ -142,7 +146,7 @@ MODAL_RESPONSE = (
 )
 MODAL_SHARE = declared(
     "buildings.modal_share",
-    mode=table.numbered("period"),
+    mode=numbered("period"),
     base_shear_share=lambda result: result.base_shear**2 / np.sum(result.base_shear**2),
 )
 
@@ -159,8 +163,8 @@ OVERVIEW = (
         t1_s=lambda overview: float(_finite(overview.period)),
         t1_damping=lambda overview: float(_finite(overview.damping)),
     ),
-    table.METHOD_SPEC,
-    table.Column.named("record", "file of the ground motion", table.TEXT),
+    METHOD_SPEC,
+    Column.named("record", "file of the ground motion", TEXT),
 )
 OVERVIEW_WITH_DAMPERS = (
     *OVERVIEW,
@@ -169,16 +173,16 @@ OVERVIEW_WITH_DAMPERS = (
 """Columns of the overview of models if at least one model has dampers."""
 
 MODE = declared(
-    "buildings.mode", mode=table.numbered("omega"), period_s=lambda modes: _finite(modes.period)
+    "buildings.mode", mode=numbered("omega"), period_s=lambda modes: _finite(modes.period)
 )
 MODE_END = declared(
     "buildings.mode_end", cumulative_mass_ratio=lambda modes: np.cumsum(modes.mass_ratio)
 )
 
 
-def mode_damping(ratios: Any) -> table.Column:
+def mode_damping(ratios: Any) -> Column:
     """Return the column of the damping ratios of modes. `ratios` are the cells, shape (modes,)."""
-    return table.Column(
+    return Column(
         "damping",
         "1",
         lambda modes: None if ratios is None else _finite(ratios),
@@ -191,21 +195,21 @@ COMPLEX_MODE = declared("buildings.complex_mode")
 
 
 COMPARISON_SPECTRA = (
-    table.FLOOR,
-    table.PERIOD,
+    FLOOR,
+    PERIOD,
     *declared("buildings.comparison_spectra"),
 )
 
 
-def of_event(name: str) -> table.Column:
+def of_event(name: str) -> Column:
     """Return the column that identifies the event in tables of several events. All its cells are
     `name`, the file of the recordings of the event."""
-    return table.Column("recorded", "text", lambda _: name, "file of the recordings")
+    return Column("recorded", "text", lambda _: name, "file of the recordings")
 
 
 MODEL = declared(
     "buildings.model",
-    story=table.numbered("stories"),
+    story=numbered("stories"),
     mass_kg=lambda model: _story_values(model, "mass"),
     height_m=lambda model: _story_values(model, "height"),
     stiffness_N_m=lambda model: _story_values(model, "stiffness"),
@@ -293,7 +297,7 @@ def _in_units(value: float, force: int, length: float, units: OutputUnits) -> st
     return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
 
 
-def model_table(model: Model, units: OutputUnits = SI) -> table.Table:
+def model_table(model: Model, units: OutputUnits = SI) -> Table:
     """Return the table of a model with a row per story, from the ground up.
 
     Returns
@@ -302,7 +306,7 @@ def model_table(model: Model, units: OutputUnits = SI) -> table.Table:
         Mass, height and stiffness, the hysteretic law with a column for each of its parameters, and
         the dashpot as text. The law of a story with several elements is one text.
     """
-    numbers = table.Table.of_results(MODEL, [model]).in_units(units)
+    numbers = Table.of_results(MODEL, [model]).in_units(units)
     laws, parameters = [], []
     for story in model.stories:
         is_single = len(story.springs) == 1 and story.springs[0].factor == 1.0
@@ -322,20 +326,20 @@ def model_table(model: Model, units: OutputUnits = SI) -> table.Table:
         (*row, *cells) for row, *cells in zip(numbers.rows, laws, *columns, dashpots, strict=True)
     ]
     names = (*numbers.columns, "law", *list(meanings)[len(numbers.meanings) :], "dashpots")
-    return table.Table(names, rows, meanings)
+    return Table(names, rows, meanings)
 
 
-def _numbers_of_texts(texts: Sequence[str]) -> tuple[list[table.Cell], str]:
+def _numbers_of_texts(texts: Sequence[str]) -> tuple[list[Cell], str]:
     """Return numbers and their unit from texts with a common unit; otherwise the texts and
     `TEXT`. An empty text has no number."""
     found = [re.fullmatch(r"(-?[\d.]+(?:e[-+]\d+)?)(?: (\S+))?", text) for text in texts]
     units = {match[2] or "1" for match in found if match}
     if len(units) != 1 or any(text and not match for text, match in zip(texts, found, strict=True)):
-        return list(texts), table.TEXT
+        return list(texts), TEXT
     return [float(match[1]) if match else None for match in found], units.pop()
 
 
-def device_model_table(model: Model, units: OutputUnits = SI) -> table.Table | None:
+def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
     """Return the table of the attachments and links of a model: place, mass, stiffness, hysteretic
     law and dashpot; None without devices."""
     if not model.devices:
@@ -344,7 +348,7 @@ def device_model_table(model: Model, units: OutputUnits = SI) -> table.Table | N
         *(f"floor {item.floor}" if item.floor else "ground" for item in model.attachments),
         *(" to ".join(map(model.end_name, item.ends)) for item in model.links),
     ]
-    numbers = table.Table.of(
+    numbers = Table.of(
         DEVICE,
         [
             (item.name, place, item.spring.mass or None, item.spring.stiffness or None)
@@ -398,7 +402,7 @@ def mode_table(
     *,
     names: Sequence[str] = (),
     complex_modes: ComplexModes | None = None,
-) -> table.Table:
+) -> Table:
     """Return the table of the modes of a building, with a row per mode, longest period first.
 
     Parameters
@@ -417,8 +421,8 @@ def mode_table(
     scale_text = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
     meaning = f"ordinate of the mode at the floor, {scale_text}"
     shape_columns = [
-        table.Column(f"{column_name(name)}_shape", "1", shape, meaning) for name, shape in shapes
+        Column(f"{column_name(name)}_shape", "1", shape, meaning) for name, shape in shapes
     ]
     columns = (*MODE, mode_damping(damping), *MODE_END)
     shown_shapes = shape_columns, modes if shape_columns else None
-    return table.Table.joined((columns, modes), (COMPLEX_MODE, complex_modes), shown_shapes)
+    return Table.joined((columns, modes), (COMPLEX_MODE, complex_modes), shown_shapes)
