@@ -6,8 +6,8 @@ from importlib import import_module
 import click
 import pytest
 
-from cli.conftest import BEGINNINGS
 from csv_rows import rows
+from legible import BEGINNINGS
 from selection import every
 from tdint_cli.main import COMMANDS
 from tdint_cli.options import grammar

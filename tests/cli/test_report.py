@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from cli.conftest import Command, change, write_record
+from cli.conftest import WITHOUT_LAW, Command, change, write_record
 from csv_rows import rows
 from selection import every
 from tdint.ground_motion.horizontals import Horizontals
@@ -168,6 +168,7 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
 def test_the_verdict_of_a_run_is_the_first_result(folder: Path, tdint: Command) -> None:
     """The verdict contains limit, value and story, and has a color. With --require, it also
     determines the exit code of a single run."""
+    change("shaken.yaml", WITHOUT_LAW)
     drifts = [
         float(row["peak_drift_ratio"]) for row in rows(tdint("run", "shaken.yaml", code=0).stdout)
     ]
@@ -189,6 +190,7 @@ def test_the_verdict_of_a_run_is_the_first_result(folder: Path, tdint: Command) 
 
 def test_a_collapse_is_the_headline(folder: Path, tdint: Command) -> None:
     """The report states a collapse with its story and time before the limit."""
+    change("shaken.yaml", WITHOUT_LAW)
     table = rows(tdint("run", "shaken.yaml", code=0).stdout)
     drifts = [float(row["peak_drift_ratio"]) for row in table]
     text = Path("shaken.yaml").read_text() + f"collapse_drift: {0.5 * max(drifts):.6f}\n"
@@ -311,7 +313,7 @@ def test_the_figure_of_a_collapse_states_the_peak_of_the_record(
 
     notes: list[str] = []
     monkeypatch.setattr(runs, "write_note", lambda axes, text, **_: notes.append(text))
-    scaled = ("--component", "HN1", "--scale", "12", "--report", "page.html")
+    scaled = ("--component", "HN1", "--scale", "12", "-o", "out", "--plot")
     result = tdint(
         "run", CONFIGS / "collapse-prone-frame.yaml", RECORDS / "near-fault.mseed", *scaled, code=0
     )

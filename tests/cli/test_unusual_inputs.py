@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import tdint as tdint_package
-from cli.conftest import write_record
+from cli.conftest import WITHOUT_LAW, change, write_record
 from facts import states
 from tdint.number_parsing import SMALLEST
 from tdint.studies.campaign.chunks import Batch
@@ -38,6 +38,7 @@ def test_names_of_records_add_no_line_cell_or_element(folder, tdint, name):
     """CSV has one row per component and one cell per column; tables, messages, pages and JSON files
     have no control character. A line of a name in a message begins as all lines of the message."""
     write_record(Path(f"{name}.mseed"), "HNE")
+    change("shaken.yaml", WITHOUT_LAW)
     record = (f"./{name}.mseed", "--units", "m/s^2")
     table = tdint("info", *record, code=0)
     header, *body = csv.reader(io.StringIO(table.stdout))

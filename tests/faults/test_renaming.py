@@ -13,8 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from fuzz.sandbox import invoked
+from legible import write_texts
 from selection import every
 from tdint.files import check_outputs, reason_of, settle, write_files
 from tdint.studies.store.result_store import FILE
@@ -47,7 +49,7 @@ COMMANDS = {
     "campaign": "campaign sN.yaml -o out --plot",
     "shard": "campaign sN.yaml --shard 1/2 -o out",
     "merge": "campaign merge partN -o out",
-    "law": "law mN.yaml --drift N% -o out/l.csv --plot",
+    "law": "law mN.yaml --drift N% --points 9 -o out/l.csv --plot",
     "drift-spectrum": "drift-spectrum rN.csv -o out/d.csv --plot",
     "sensitivity": "sensitivity m.yaml rN.csv --vary damping=2%:5% -o out/t.csv --plot",
     "fragility": "fragility partN/ida.csv --threshold 1% -o out/f.csv --plot",
@@ -57,7 +59,10 @@ COMMANDS = {
 
 
 @pytest.fixture
-def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, not_laid_out: None) -> None:
+    """Change to a directory with the inputs. Figures are files with only their texts: rendering
+    them took most of the time, and their files are renamed in the same way."""
+    monkeypatch.setattr(Figure, "savefig", write_texts)
     (tmp_path / "start").mkdir()
     monkeypatch.chdir(tmp_path / "start")
     write_inputs()

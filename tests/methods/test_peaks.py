@@ -6,6 +6,7 @@ The limit is the limit of `benchmarks/peaks.py`, which measures more cases.
 
 import math
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -272,28 +273,35 @@ FRACTURING = {
 }  # fmt: skip
 
 
+@cache
+def with_element_that_fractures(law):
+    """Return a building with an initial velocity and an element that fractures, the force of the
+    element at the fracture, and its work until then, which all methods share."""
+    limit = 0.0137
+    element = {"type": law, "stiffness": 4e7, "fracture_drift": limit, **FRACTURING[law]}
+    elements = [element, {"type": "linear", "stiffness": 4e6}]
+    building = load_model(
+        {"stories": [{"mass": 1e5, "elements": elements}], "initial": {"velocity": [1.5]}}
+    )
+    first_element = 3  # after the story and the column of zeros
+    path = follow_path(assemble(building), first_element, np.linspace(0.0, limit, 2000))
+    return building, path.shear[-1], path.strain_energy[-1] + path.hysteretic_energy[-1]
+
+
 @pytest.mark.parametrize("method", every(12, METHODS, ("impulse4", "moment4", "gauss4")))
 @pytest.mark.parametrize("law", FRACTURING)
 @pytest.mark.usefixtures("interpreted")
 def test_peaks_of_a_story_whose_element_fractures(law, method):
     """The peak force of the element is its force at the fracture. The work of both springs up to
     the peak drift is the initial kinetic energy. `impulse4` and `moment4` locate the fracture."""
-    limit, spring, mass, velocity = 0.0137, 4e6, 1e5, 1.5
-    element = {"type": law, "stiffness": 4e7, "fracture_drift": limit, **FRACTURING[law]}
-    elements = [element, {"type": "linear", "stiffness": spring}]
-    building = load_model(
-        {"stories": [{"mass": mass, "elements": elements}], "initial": {"velocity": [velocity]}}
-    )
-    first_element = 3  # after the story and the column of zeros
-    path = follow_path(assemble(building), first_element, np.linspace(0.0, limit, 2000))
-    work = path.strain_energy[-1] + path.hysteretic_energy[-1]
-    drift = math.sqrt((mass * velocity**2 - 2.0 * work) / spring)
+    building, fracture_force, work = with_element_that_fractures(law)
+    drift = math.sqrt((1e5 * 1.5**2 - 2.0 * work) / 4e6)
     for dt in (0.005, 0.01):
         try:
             response = run(building, method=method, dt=dt, duration=0.3)
         except AnalysisError:  # the method is for linear buildings
             return
-        assert response.elements.peak_force[0] == pytest.approx(path.shear[-1], rel=1e-6)
+        assert response.elements.peak_force[0] == pytest.approx(fracture_force, rel=1e-6)
         error = abs(response.stories.peak_drift[0] / drift - 1.0)
         assert error <= 2.0 * response.check.errors.peak_drift[0] / drift + 1e-6
         assert error < 2e-3 * (dt / 0.01) ** 2 or method not in ("impulse4", "moment4")

@@ -293,7 +293,7 @@ def test_stations_and_channels_in_mseed_are_ascii(tmp_path):
     assert [note.split(": ")[1].split()[0] for note in notes] == ["Düzce", "Duzce", "東京"]
 
 
-def test_names_of_several_stations_of_a_file_keep_pairs():
+def test_names_of_several_stations_of_a_file_keep_pairs(short_matching):
     """Single components of two stations are written with the station in the names of their files;
     with numbers in place of stations, they were no pairs."""
     motions = [
