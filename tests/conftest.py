@@ -33,8 +33,9 @@ os.environ.setdefault("TDINT_COMPILE", "wait")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Libraries create many objects, and tests leave little garbage. Collect garbage seldom, because
-# each collection visits all objects.
+# each collection visits all objects, and not before the first test (`pytest_collection_finish`).
 gc.set_threshold(50_000, 20, 20)
+gc.disable()
 
 # Examples have no time limit, because they take longer on a busy machine.
 settings.register_profile("any machine", deadline=None, max_examples=50)
@@ -114,8 +115,10 @@ def short_matching(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Exclude imported objects from garbage collection, because they remain in memory."""
+    """Exclude imported objects from garbage collection, because they remain in memory, and enable
+    the collection."""
     gc.freeze()
+    gc.enable()
 
 
 _FEW_FILES = 3

@@ -4,6 +4,7 @@ one, whole, as soon as the next command uses the directory."""
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import re
 import shutil
@@ -115,6 +116,7 @@ def stopped(line: str, stop: int) -> bool:
     0. Return False if the command was completed before."""
     if process := os.fork():
         return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 77
+    gc.disable()  # A collection would copy the memory of all objects of the parent.
     count = -1
 
     def watch(event: str, arguments: tuple[object, ...]) -> None:

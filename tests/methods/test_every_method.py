@@ -26,7 +26,7 @@ def test_linear_building_equals_modal_superposition(method, damping):
     case, record = building(ModalDamping((0.07,))), noise(samples=201)
     if damping == "rayleigh":
         case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
-    got = run(case, record, method=method, history=True).history.displacement
+    got = run(case, record, method=method, history=True, check=False).history.displacement
     ratio = (
         (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
     )

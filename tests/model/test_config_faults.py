@@ -354,16 +354,20 @@ def test_alias_bomb_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("aliases", "is_refused"), [(5, False), (7, True)])
-def test_values_that_aliases_repeat_are_limited(aliases: int, is_refused: bool) -> None:
-    """A list of 10 000 points has 30 001 values: six repetitions stay below the limit."""
-    points = ", ".join(f"[{i}, 1]" for i in range(10_000))
+def test_values_that_aliases_repeat_are_limited(
+    aliases: int, is_refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A list of 1000 points has 3001 values: six repetitions stay below a tenth of the limit."""
+    assert config._MAX_ALIASED == 200_000
+    monkeypatch.setattr(config, "_MAX_ALIASED", 20_000)
+    points = ", ".join(f"[{i}, 1]" for i in range(1000))
     forces = f"  - {{floor: 1, points: &p [{points}]}}\n"
     forces += "  - {floor: 1, points: *p}\n" * aliases
     text = f"stories: [{{mass: 1, stiffness: 1}}]\nexcitation:\n  forces:\n{forces}"
     found = faults(text) if is_refused else []
     assert len(found) == is_refused
     if is_refused:
-        assert "the aliases up to *p repeat more than 200000 values" in found[0]
+        assert "the aliases up to *p repeat more than 20000 values" in found[0]
     else:
         assert len(load_model(io.StringIO(text)).excitation.tables) == 1 + aliases
 

@@ -1,6 +1,7 @@
 """Forces on floors from tables: closed forms, exact solutions, orders, peaks and energies."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -463,6 +464,7 @@ def test_peaks_of_a_damped_story_at_a_jump_inside_a_step(method):
     force, zeta = 10.0, 0.6
     dashpot, damped = 2.0 * zeta * OMEGA, OMEGA * math.sqrt(1.0 - zeta**2)
 
+    @cache
     def peak_errors(time, h):
         points = [(0.0, force), (time, force), (time, -force), (0.3, -force)]
         model, duration = one_story(points, dashpot=dashpot), time + 1.5 * h
