@@ -154,7 +154,7 @@ def matched_files():
 
 
 @pytest.fixture
-def suite(folder, tdint, matched_files, short_matching):
+def suite(folder, tdint, matched_files):
     """Change to a directory with three matched pairs and a building with a single story. The pairs
     are matched for the first test and reused, because matching needs seconds."""
     (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")

@@ -82,7 +82,7 @@ def reference(stop, damping_of):
         part = solve_ivp(
             *(rate, (t, TIME[-1]), y),
             method="DOP853", args=(approach,), events=closing, dense_output=True,
-            rtol=1e-10, atol=1e-12, max_step=STEP / 2,
+            rtol=1e-9, atol=1e-12, max_step=STEP,
         )  # fmt: skip
         motion = part.sol(np.linspace(t, part.t[-1], 2000))
         spring, damper = contact(motion, approach or 1.0)
