@@ -829,11 +829,6 @@ def compare_measures(
     }
     # Runs of the same event, or under the same ground motion, are correlated.
     motions = events if events is not None else motions_of(table)
-    values_of_characteristic = {
-        name: values
-        for name, values in values_of_characteristic.items()
-        if np.unique(values[has_drift]).size > 1
-    }
     fits = []
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
