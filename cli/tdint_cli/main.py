@@ -64,7 +64,7 @@ GROUPS = {
 each command."""
 
 STUDIES = {
-    *("campaign", "compare", "fragility", "ida", "inventory", "match", "scale", "sensitivity"),
+    *("campaign", "compare", "fragility", "ida", "inventory", "match", "scale", "sensitivity")
 }
 ASSESSMENT = {"chart", "examples", "failures", "order", "overshoot", "stability", "validate"}
 """Commands of the packages `studies` and `assessment`; the others are in `commands`."""

@@ -207,9 +207,7 @@ def outcomes(
 
 
 def _shared(
-    attempt: Callable[[Task], Result | TdintError],
-    tasks: Sequence[Task],
-    pool: ProcessPoolExecutor,
+    attempt: Callable[[Task], Result | TdintError], tasks: Sequence[Task], pool: ProcessPoolExecutor
 ) -> Iterator[Result | TdintError]:
     """Yield the outcomes of the workers (result, or error of the record) in the order of the tasks.
 

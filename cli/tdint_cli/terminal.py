@@ -20,13 +20,7 @@ from typing import Any, TypeVar
 
 import click
 
-from tdint.errors import (
-    ModelError,
-    OutputError,
-    TdintError,
-    abridged,
-    write_out_controls,
-)
+from tdint.errors import ModelError, OutputError, TdintError, abridged, write_out_controls
 from tdint.files import is_file, is_folder
 from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.number_parsing import abbreviate

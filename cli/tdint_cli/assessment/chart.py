@@ -58,86 +58,34 @@ class Request(options.record.RecordRequest):
         "[MODEL.yaml]... [RECORD]...", nargs=-1, type=FileName()
     )
     records: tuple[str, ...] = options.option(
-        "--record",
-        heading=options.grammar.RECORD,
-        type=FileName(),
-        multiple=True,
-        help="Record that replaces the record of the model; the record settings of the model do "
-        "not apply to it. With several records, each building is run under each record.",
+        "--record", heading=options.grammar.RECORD, type=FileName(), multiple=True
     )
-    problems: str | None = options.option(
-        type=FileName(),
-        metavar="standard|FILE",
-        help="Use many problems instead of models: the standard problems (twelve buildings under "
-        "three records each), or the problems of a YAML file.",
-    )
+    problems: str | None = options.option(type=FileName(), metavar="standard|FILE")
     methods: tuple[str, ...] = method_options.methods("ten methods, from impulse4 to exact,")
     steps: tuple[float, ...] | None = options.analysis.option(
-        "--dt",
-        type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)),
-        metavar="SECONDS,...",
-        help="Time steps: the sampling interval of the record (without a record, dt of the model) "
-        "divided or multiplied by an integer.",
+        "--dt", type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)), metavar="SECONDS,..."
     )
-    halvings: int | None = options.analysis.option(
-        rare=True,
-        type=Count(0, 16),
-        help="Number of halvings of the time step, from eight times the sampling interval; not "
-        "with --dt. By default 7, with some intermediate steps; fewer for very large buildings.",
-    )
+    halvings: int | None = options.analysis.option(rare=True, type=Count(0, 16))
     stories: tuple[int, ...] | None = options.analysis.option(
-        type=ListOf(click.IntRange(1, MOST_STORIES)),
-        metavar="COUNT,...",
-        help="Compare methods for the building with these numbers of stories, by repeating its "
-        "stories; the time step is the sampling interval unless --dt or --halvings is given.",
+        type=ListOf(click.IntRange(1, MOST_STORIES)), metavar="COUNT,..."
     )
     duration: float | None = options.analysis.duration
-    peers: bool = options.option(
-        help="Also run OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and solve_ivp "
-        "of SciPy; takes minutes."
-    )
-    repeat: int = options.option(
-        type=Count(1, 1000), default=5, rare=True, help="Timing repetitions; 5 by default."
-    )
+    peers: bool = options.option()
+    repeat: int = options.option(type=Count(1, 1000), default=5, rare=True)
     tolerances: tuple[float, ...] | None = options.analysis.option(
-        "--tolerance",
-        type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True)),
-        help="Also run moment4 and impulse4 (with many problems: the requested methods) with the "
-        "time steps that `tdint run --tolerance` chooses for these errors of the peak drifts.",
+        "--tolerance", type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True))
     )
-    target_error: str = options.option(
-        type=click.Choice(TARGETS),
-        default=TARGETS[0],
-        help="Error measure of the figure and, for one building, of the recommended methods; "
-        "peak-drift by default.",
-    )
+    target_error: str = options.option(type=click.Choice(TARGETS), default=TARGETS[0])
     versus: str = options.option(
-        needs="--plot",
-        type=click.Choice(["time", "steps", "solves", "dt"]),
-        default="time",
-        help="Plot time (default), time steps or solves over error, or error over dt.",
+        needs="--plot", type=click.Choice(["time", "steps", "solves", "dt"]), default="time"
     )
-    highlight: str = options.option(
-        needs="--plot",
-        default="",
-        metavar="NAME",
-        help="Method with a thick line in front; default: methods of plug-ins.",
-    )
-    cache: bool = options.option(
-        "--cache/--no-cache",
-        default=True,
-        rare=True,
-        help="Store the reference solution for the next call (default), or not.",
-    )
+    highlight: str = options.option(needs="--plot", default="", metavar="NAME")
+    cache: bool = options.option("--cache/--no-cache", default=True, rare=True)
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
         """Return the request for one building under one ground motion."""
         return BuildingRequest(
-            choice=self.choice,
-            model=model,
-            record=record,
-            scale=self.scale,
-            duration=self.duration,
+            choice=self.choice, model=model, record=record, scale=self.scale, duration=self.duration
         )
 
 

@@ -60,34 +60,16 @@ class Request:
     )
     methods: tuple[str, ...] = method_options.methods("the seven methods of the paper")
     dts: tuple[float, ...] | None = options.analysis.option(
-        "--dt",
-        type=ListOf(Number(1e-3, 0.1)),
-        metavar="SECONDS,...",
-        help="Time steps; 0.02 by default, as in the paper. The figures show the first time step.",
+        "--dt", type=ListOf(Number(1e-3, 0.1)), metavar="SECONDS,..."
     )
-    reference: str = options.analysis.option(
-        type=click.Choice(["paper", "finer"]),
-        default="paper",
-        help="Reference solution of figures and ranks: newmark-linear with 0.001 s (examples 1, 2) "
-        "or 0.002 s (3) as in the paper, by default, or rk5 with 8 times smaller time steps. The "
-        "table contains the errors relative to both.",
-    )
+    reference: str = options.analysis.option(type=click.Choice(["paper", "finer"]), default="paper")
     output: str | None = options.output.output(
         "DIR", "Also write the tables and figures to this directory."
     )
     picture_format: str = options.output.option(
-        "--format",
-        needs="-o",
-        type=click.Choice(["png", "pdf", "svg"]),
-        default="png",
-        help="Format of the figures; png by default.",
+        "--format", needs="-o", type=click.Choice(["png", "pdf", "svg"]), default="png"
     )
-    all_figures: bool = options.output.option(
-        "--figures",
-        needs="-o",
-        help="Plot all figures of the requested examples (examples 2 and 3 with their buildings, 9 "
-        "and 13) and those of stability, accuracy and order (1 to 6).",
-    )
+    all_figures: bool = options.output.option("--figures", needs="-o")
     overwrite: bool = options.output.overwrite
 
 
@@ -124,12 +106,7 @@ def command(request: Request) -> None:
     the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings, redrawn; and
     beta-scan, which is not in the paper: impulse with other values of beta.
     """
-    from tdint.assessment.examples.paper_examples import (
-        DT,
-        METHODS,
-        examples,
-        run_example,
-    )
+    from tdint.assessment.examples.paper_examples import DT, METHODS, examples, run_example
 
     requested = [
         examples()[int(number)]
@@ -264,9 +241,7 @@ def _draw_oscillator_figure(number: int) -> Any:
             observed_order(method, problem) for method in integrators for problem in problems
         ]
         return assessment.stability_figures.order_picture(
-            measured,
-            f"Figure {number}: order of accuracy over ω₀ / ω\n",
-            thin=len(_THIN_METHODS),
+            measured, f"Figure {number}: order of accuracy over ω₀ / ω\n", thin=len(_THIN_METHODS)
         )
     quantity, damping, title = _OSCILLATOR_FIGURES[number]
     curves = [stability(method, _STEPS.values(), damping) for method in integrators]

@@ -27,14 +27,7 @@ def _problems() -> list[str]:
 )
 @options.analysis.plugin
 @method_options.all_methods
-@options.option(
-    "--problem",
-    "problems",
-    type=ListOf(Written("name", names=_problems)),
-    help="Problems to run: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
-    "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; "
-    "all by default.",
-)
+@options.option("--problem", "problems", type=ListOf(Written("name", names=_problems)))
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
     """Run methods on hard problems with known solutions and report failures.

@@ -118,12 +118,7 @@ class OscillatorRequest:
 
 def oscillator_options(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
     """Declare the options of an `OscillatorRequest`; `names` are the methods plotted by default."""
-    damping = option(
-        "--damping",
-        type=ListOf(Ratio(0.0)),
-        default=(0.0,),
-        help="Damping ratios of the oscillator; 0 by default. Values of 1 and above are allowed.",
-    )
+    damping = option("--damping", type=ListOf(Ratio(0.0)), default=(0.0,))
     files = to_files(picture=PICTURE, more=[draw_all(names)], in_units=False)
     return grammar.together(plugin, all_methods, damping, files)
 

@@ -30,19 +30,8 @@ _RATIOS = Grid(0.2, 5.0, 15)
 )
 @options.analysis.plugin
 @method_options.all_methods
-@options.option(
-    "--load",
-    type=click.Choice(["free", "harmonic", "record"]),
-    default="harmonic",
-    help="Free vibration (free), a harmonic force (harmonic, default), or a ground motion that is "
-    "linear between its samples (record).",
-)
-@options.option(
-    "--law",
-    type=click.Choice(["linear", "polynomial"]),
-    default="linear",
-    help="Restoring force divided by stiffness: u (linear, default), or u + u^3 / 2 (polynomial).",
-)
+@options.option("--load", type=click.Choice(["free", "harmonic", "record"]), default="harmonic")
+@options.option("--law", type=click.Choice(["linear", "polynomial"]), default="linear")
 @options.option(
     "--frequency-ratio",
     needs="--load harmonic",
@@ -51,14 +40,7 @@ _RATIOS = Grid(0.2, 5.0, 15)
     help="Frequency of the harmonic force divided by the natural frequency: logarithmically spaced "
     f"from FIRST to LAST, or a single ratio; {_RATIOS} by default.",
 )
-@options.option(
-    "--stride",
-    needs="--load record",
-    type=Count(1, 1024),
-    default=1,
-    help="Number of samples of the record per coarsest time step, a power of 2. The default is 1, "
-    "so that no time step is longer than a sampling interval.",
-)
+@options.option("--stride", needs="--load record", type=Count(1, 1024), default=1)
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(
     methods: tuple[str, ...],

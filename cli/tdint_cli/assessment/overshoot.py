@@ -27,19 +27,11 @@ class Request(method_options.OscillatorRequest):
     """The command line of `tdint overshoot`."""
 
     dt_over_t: float = options.analysis.option(
-        type=Number(*method_options.DT_OVER_T),
-        default=10.0,
-        metavar="RATIO",
-        help="Time step divided by the undamped period; 10 by default.",
+        type=Number(*method_options.DT_OVER_T), default=10.0, metavar="RATIO"
     )
-    steps: int = options.analysis.option(
-        type=Count(1, _MAX_STEPS), default=10, help="Number of time steps; 10 by default."
-    )
+    steps: int = options.analysis.option(type=Count(1, _MAX_STEPS), default=10)
     law: str = options.analysis.option(
-        type=click.Choice(["linear", "hardening", "softening"]),
-        default="linear",
-        help="Restoring force: linear (default), or the restoring force of the problem with this "
-        "name in `tdint failures`.",
+        type=click.Choice(["linear", "hardening", "softening"]), default="linear"
     )
 
 

@@ -39,8 +39,6 @@ MODES = (_MODELS, _SCHEMA, _PLUGINS)
     flag_value="model",
     type=click.Choice(["model", "campaign"]),
     metavar="[model|campaign]",
-    help="Print the JSON schema (draft 7) of model files (default) or campaign files instead; "
-    "editors use it for validation and completion.",
 )
 @options.output.units
 def command(

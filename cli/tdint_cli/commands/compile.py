@@ -36,7 +36,7 @@ class Request:
     """The command line of `tdint compile`."""
 
     models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1)
-    everything: bool = options.option("--all", help="Compile all time loops, for any building.")
+    everything: bool = options.option("--all")
     targets: tuple[str, ...] | None = options.option(
         "--target",
         type=ListOf(click.Choice(TARGETS)),
@@ -45,21 +45,14 @@ class Request:
         f"another system with the prefix {', '.join(_SYSTEMS)}: macos-aarch64.",
     )
     method: str | None = options.analysis.method_of("MODEL.yaml")
-    show: bool = options.option(
-        help="List the object file of each time loop and its origin (for example a wheel), without "
-        "compilation."
-    )
-    clean: bool = options.option(help="Remove all compiled time loops from the cache of the user.")
+    show: bool = options.option()
+    clean: bool = options.option()
     output: str | None = options.output.output(
         "DIR", "Write to this directory, for use with TDINT_KERNELS_DIR."
     )
 
 
-@options.command(
-    "compile",
-    "tdint compile office.yaml",
-    "tdint compile office.yaml --show",
-)
+@options.command("compile", "tdint compile office.yaml", "tdint compile office.yaml --show")
 @options.analysis.plugin
 @options.of(Request)
 def command(request: Request) -> None:

@@ -28,11 +28,7 @@ class DriftRequest(TablesRequest):
 
     damping: tuple[float, ...] = options.spectra.damping()
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(DRIFT_PERIODS)
-    stories: int | None = options.spectra.option(
-        type=click.IntRange(1),
-        metavar="N",
-        help="Number of stories, equal for all periods and heights.",
-    )
+    stories: int | None = options.spectra.option(type=click.IntRange(1), metavar="N")
     story_height: float | None = options.spectra.option(
         type=Number(0.0, min_open=True),
         metavar="METERS",
@@ -45,10 +41,7 @@ class DriftRequest(TablesRequest):
         help="Coefficients of T = A H^B, in s and m, for the height H of a building with the "
         f"fundamental period T; {_HEIGHT_PERIOD} by default.",
     )
-    beam: bool = options.spectra.option(
-        help="Use a continuous shear beam instead of stories, and its drift at the base (Iwan's "
-        "drift spectrum)."
-    )
+    beam: bool = options.spectra.option()
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of all spectra, and the story height or its default value."""

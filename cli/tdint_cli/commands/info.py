@@ -39,17 +39,7 @@ class Request(RecordsRequest):
 
 
 _MSEED, _CSV, _YAML = ".mseed", ".csv", ".yaml"
-_EXPORT = options.output.option(
-    "--export",
-    type=FileName(written=True),
-    metavar="FILE|DIR",
-    help="Also write the processed ground motions to this file: acceleration, velocity and "
-    "displacement. A .mseed file (MiniSEED, SI units) contains all components, a .csv file one "
-    "component; a directory (an existing one, or a name with a / at the end) contains a .mseed "
-    "file for each record. A JSON file next to each describes the components and their processing. "
-    "A .yaml file instead describes how the records are read; other commands take it in place of "
-    "the records.",
-)
+_EXPORT = options.output.option("--export", type=FileName(written=True), metavar="FILE|DIR")
 
 
 @options.command(

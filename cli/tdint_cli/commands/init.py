@@ -99,70 +99,28 @@ class Request:
         help=f"Number of stories; {_STORIES} by default.",
     )
     period: float | None = options.option(
-        type=click.FloatRange(0.0, 100.0, min_open=True),
-        metavar="SECONDS",
-        help="Fundamental period; 0.1 s per story by default.",
+        type=click.FloatRange(0.0, 100.0, min_open=True), metavar="SECONDS"
     )
-    weights: tuple[float, ...] | None = options.option(
-        type=Written("weight,...", _weights),
-        help="Weights of the floors from the ground up, in kN (with --units us, kip); "
-        "COUNTxWEIGHT for equal floors, such as 6x3900. Each floor has one story; the "
-        "stiffnesses are chosen such that the first mode is a straight line and has the period "
-        "--period.",
-    )
-    isolated: bool = options.option(
-        help="Add a story with bearings and a moat wall below the building: an example of a story "
-        "with several elements. --period is the period without it.",
-    )
-    tuned_mass_damper: bool = options.option(
-        help="Add a tuned mass damper on the roof, with the optimum tuning and damping of Den "
-        "Hartog for the first mode.",
-    )
+    weights: tuple[float, ...] | None = options.option(type=Written("weight,...", _weights))
+    isolated: bool = options.option()
+    tuned_mass_damper: bool = options.option()
     from_pushover: str | None = options.option(
-        type=FileName(),
-        needs="--weights",
-        metavar="CURVES.csv",
-        help="Fit the hysteretic law of each story to a force-drift curve in this CSV file with "
-        "the columns story, drift_m and shear_N (or other units), and report the misfit.",
+        type=FileName(), needs="--weights", metavar="CURVES.csv"
     )
     law: str = options.option(
         needs="--from-pushover",
         type=click.Choice(["bilinear", "trilinear", "multilinear"]),
         default="bilinear",
-        help="Hysteretic law to fit; bilinear by default. multilinear has four points and may "
-        "have a descending branch. The fitted laws have no pinching.",
     )
-    motion: str | None = options.option(
-        metavar="NAME:PARAMETERS",
-        help="Artificial ground motion that is written next to the model: "
-        "sine:frequency=1.5,duration=20,pga=0.1g (Hz, s), "
-        "sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 (s, "
-        "m/s; default).",
-    )
-    structure: str | None = options.option(
-        "--type",
-        type=Written("name", names=_structures),
-        help="Generate a building of this Hazus type (W1, S1, C1, RM1, URM, ...) from general "
-        "rules; requires --year and --area.",
-    )
+    motion: str | None = options.option(metavar="NAME:PARAMETERS")
+    structure: str | None = options.option("--type", type=Written("name", names=_structures))
     year: int | None = options.option(
-        type=click.IntRange(1000, 2200),
-        needs="--type",
-        metavar="YEAR",
-        help="Year of construction.",
+        type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR"
     )
     area: float | None = options.option(
-        needs="--type",
-        type=click.FloatRange(0.0, min_open=True),
-        metavar="AREA",
-        help="Area of one floor, in m^2 (with --units us, ft^2).",
+        needs="--type", type=click.FloatRange(0.0, min_open=True), metavar="AREA"
     )
-    units: str = options.option(
-        type=click.Choice(["si", "us"]),
-        default="si",
-        help="Units of the model and of its output: si (kN, m, t; default) or us (kip, in, and "
-        "weights instead of masses).",
-    )
+    units: str = options.option(type=click.Choice(["si", "us"]), default="si")
     overwrite: bool = options.output.overwrite
 
 

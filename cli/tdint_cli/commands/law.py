@@ -35,38 +35,15 @@ class Request:
 
     model: str
     outputs: Outputs
-    story: int = options.option(
-        type=click.IntRange(min=1),
-        default=1,
-        metavar="NUMBER",
-        help="Number of the story to test, counted from the ground; 1 by default.",
-    )
-    element: str | None = options.option(
-        metavar="NAME",
-        help="Test one element of the story, by its name; by default all elements together.",
-    )
+    story: int = options.option(type=click.IntRange(min=1), default=1, metavar="NUMBER")
+    element: str | None = options.option(metavar="NAME")
     drifts: tuple[DriftSize, ...] | None = options.option(
-        "--drift",
-        type=ListOf(drift_size, once=False),
-        help="Sequence of amplitudes: drift ratios (0.02 or 2%), lengths with a unit (20mm; m, cm, "
-        "mm, in, ft), or multiples of the yield drift (4dy).",
+        "--drift", type=ListOf(drift_size, once=False)
     )
-    cycles: int | None = options.option(
-        type=Count(min=1), help="Number of cycles per amplitude; 1 by default."
-    )
-    points: int | None = options.option(
-        type=Count(min=1), help="Number of points per quarter cycle; 200 by default."
-    )
-    path: str | None = options.option(
-        type=FileName(),
-        help="Impose the drifts in a CSV file with the column drift_m (- is standard input) "
-        "instead of --drift, --cycles and --points.",
-    )
-    units: str | None = options.option(
-        needs="--path",
-        type=click.Choice(["m", "dy"]),
-        help="Unit of the drifts of --path: m (default) or multiples of the yield drift (dy).",
-    )
+    cycles: int | None = options.option(type=Count(min=1))
+    points: int | None = options.option(type=Count(min=1))
+    path: str | None = options.option(type=FileName())
+    units: str | None = options.option(needs="--path", type=click.Choice(["m", "dy"]))
 
 
 @options.command(
@@ -194,9 +171,6 @@ def _report(
             cycle.damping_ratio,
         )
         rows.append(
-            (
-                str(cycle.number),
-                *("-" if math.isnan(value) else f"{value:.4g}" for value in values),
-            )
+            (str(cycle.number), *("-" if math.isnan(value) else f"{value:.4g}" for value in values))
         )
     say_table(rows)

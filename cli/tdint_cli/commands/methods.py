@@ -8,19 +8,11 @@ from tdint.errors import UsageError
 from tdint_cli import options
 
 
-@options.command(
-    "methods",
-    "tdint methods",
-    "tdint methods newmark:beta=0.25:gamma=0.5",
-)
+@options.command("methods", "tdint methods", "tdint methods newmark:beta=0.25:gamma=0.5")
 @click.argument("names", nargs=-1, type=options.analysis.method_name, metavar="[SPEC]...")
 @options.analysis.plugin
-@options.option(
-    "--references", is_flag=True, help="Write a row with the full reference of each publication."
-)
-@options.option(
-    "--bibtex", is_flag=True, help="Write the publications as BibTeX instead of the table."
-)
+@options.option("--references", is_flag=True)
+@options.option("--bibtex", is_flag=True)
 def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     """List the time-integration methods: parameters, order, stability, source.
 

@@ -48,17 +48,8 @@ MODES = (
     flag_value="roof",
     type=click.Choice(["roof", "participation"]),
     metavar="[roof|participation]",
-    help="Also write the mode shapes, one column per floor, normalized to 1 at the roof (default) "
-    "or to a participation factor of 1 (participation; the sum over all modes is 1 at each floor).",
 )
-@options.option(
-    "--transfer",
-    is_flag=False,
-    flag_value=_GROUND,
-    metavar="[ground|FLOOR]",
-    help="Write transfer functions instead of the modes: floor accelerations divided by the ground "
-    "acceleration (ground, default), or displacements divided by a force on this floor.",
-)
+@options.option("--transfer", is_flag=False, flag_value=_GROUND, metavar="[ground|FLOOR]")
 @options.spectra.target(
     "Run a response spectrum analysis and write the peak responses of the stories instead of the "
     "modes"
@@ -69,11 +60,7 @@ MODES = (
     page=True,
 )
 def command(
-    model: str,
-    shapes: str | None,
-    transfer: str | None,
-    target: str | None,
-    outputs: Outputs,
+    model: str, shapes: str | None, transfer: str | None, target: str | None, outputs: Outputs
 ) -> None:
     """Compute natural periods, damping ratios, modal masses and shapes of a building.
 

@@ -30,27 +30,9 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
     "tdint pushover office.yaml --target asce7:sds=1.0,sd1=0.6,tl=8",
 )
 @options.analysis.model
-@options.option(
-    "--pattern",
-    metavar="NAME|FORCE,...",
-    default="first-mode",
-    help="Pattern of the floor forces: masses times the first mode shape (first-mode, default), "
-    "times 1 (uniform), or times the height (triangular); or a number for each floor, from the "
-    "lowest to the roof (0.2,0.6,1).",
-)
-@options.option(
-    "--drift",
-    type=drift_size,
-    default="4%",
-    help="Maximum roof displacement: a ratio of the building height (0.04 or 4%; 4% is the "
-    "default) or a length (200mm).",
-)
-@options.option(
-    "--points",
-    type=Count(1, 100_000),
-    default=200,
-    help="Number of steps of the roof displacement; 200 by default.",
-)
+@options.option("--pattern", metavar="NAME|FORCE,...", default="first-mode")
+@options.option("--drift", type=drift_size, default="4%")
+@options.option("--points", type=Count(1, 100_000), default=200)
 @options.spectra.target(
     "Write the target displacement for a design spectrum instead of the pushover curve"
 )
@@ -60,7 +42,6 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
     type=click.Choice(("A", "B", "C", "D", "E", "F"), case_sensitive=False),
     default="D",
     rare=True,
-    help="Site class of the coefficient C1 of ASCE 41-17; D by default.",
 )
 @options.option(
     "--mass-factor",
@@ -69,7 +50,6 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
     default=1.0,
     metavar="C_M",
     rare=True,
-    help="Factor C_m of ASCE 41-17, table 7-4, for effective periods up to 1 s; 1 by default.",
 )
 @options.output.to_files(picture=options.output.PICTURE, page=True)
 def command(

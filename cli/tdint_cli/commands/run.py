@@ -47,13 +47,7 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
     from tdint.output.verdicts import Verdict
     from tdint.response.runs.case import Case
-    from tdint.response.runs.outcome import (
-        Collapse,
-        FailedRun,
-        Response,
-        StepChoice,
-        StoryPeaks,
-    )
+    from tdint.response.runs.outcome import Collapse, FailedRun, Response, StepChoice, StoryPeaks
 
 _FIGURE_STEPS = 20_000  # maximum number of time steps in a figure; more are not distinguishable
 _MIN_PROBABILITY = 5e-4

@@ -72,25 +72,10 @@ class Request(BuildingRequest, SuiteRequest):
     """The record files of a sequence; empty for a run under one record."""
 
     records: tuple[str, ...] = options.argument("[RECORD]...", nargs=-1, type=FileName())
-    factors: str | None = options.record.option(
-        type=FileName(),
-        rare=True,
-        help="Scale the records with the factors in a table of `tdint scale -o` instead of "
-        "--scale. If no RECORD is given, the records of the table are used.",
-    )
-    sequence: bool = options.record.option(
-        rare=True,
-        help="Run the records sequentially on one building, which keeps its residual drifts and "
-        "damage: peaks of each event and of the complete sequence. --scale is one factor for all "
-        "events, or one per event.",
-    )
+    factors: str | None = options.record.option(type=FileName(), rare=True)
+    sequence: bool = options.record.option(rare=True)
     rest: float | None = options.record.option(
-        needs="--sequence",
-        type=Number(0.0),
-        metavar="SECONDS",
-        rare=True,
-        help="Time from the end of a record to the start of the next record; by default until "
-        "free vibration has decayed.",
+        needs="--sequence", type=Number(0.0), metavar="SECONDS", rare=True
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt
@@ -108,11 +93,7 @@ class Request(BuildingRequest, SuiteRequest):
         f".csv.gz), or without a file to {HISTORY} in the directory of -o.",
     )
     history_every: int = options.output.option(
-        needs="--history",
-        type=Count(1),
-        default=1,
-        rare=True,
-        help="Write every N-th time step to --history, starting with the first; 1 by default.",
+        needs="--history", type=Count(1), default=1, rare=True
     )
     export_floors: str | None = options.spectra.export_floors
     plot: str | None = options.output.plot(
@@ -125,27 +106,14 @@ class Request(BuildingRequest, SuiteRequest):
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
     changed: bool = CHANGED
-    check: bool | None = options.analysis.option(
-        "--check/--no-check",
-        default=None,
-        help="Write estimated errors (columns <name>_error) from a second run: impulse4 with half "
-        "the time step. This is the default for a single run; --no-check "
-        "omits it. --check also writes errors to --history, and for several runs.",
-    )
+    check: bool | None = options.analysis.option("--check/--no-check", default=None)
     tolerance: float | None = options.analysis.option(
-        type=Ratio(0.0, 1.0, min_open=True, max_open=True),
-        metavar="1%",
-        help="Choose a time step for which the estimated error of every peak drift is at "
-        "most this fraction of the peak. The search starts at four sampling intervals of the "
-        "record, or at --dt, and ends at 1/256 of it. It may skip a larger time step that would "
-        "suffice.",
+        type=Ratio(0.0, 1.0, min_open=True, max_open=True), metavar="1%"
     )
     limit: float | str | None = LIMIT
     require: bool = REQUIRE
     pair_demand: str | None = options.record.pair_demand()
-    allow_unstable: bool = options.analysis.option(
-        rare=True, help="Allow a time step larger than the stability limit of the method."
-    )
+    allow_unstable: bool = options.analysis.option(rare=True)
     jobs: int | None = options.output.threads(
         "Number of threads for several records or scales; one per processor"
     )

@@ -54,12 +54,7 @@ if TYPE_CHECKING:
 # a type of table over the period.
 
 AXES = options.output.option(
-    "--axes",
-    needs="--plot",
-    type=click.Choice(["periods", "tripartite", "adrs"]),
-    rare=True,
-    help="Axes of the figure of elastic spectra: PSA and SD over the period (periods, the "
-    "default), PSV over the period with scales for PSA and SD (tripartite), or PSA over SD (adrs).",
+    "--axes", needs="--plot", type=click.Choice(["periods", "tripartite", "adrs"]), rare=True
 )
 
 _NOT_SETTINGS = (
@@ -200,102 +195,57 @@ class SpectrumRequest(TablesRequest):
     )
     method: str | None = options.analysis.method
     maxima: str | None = options.spectra.option(
-        type=click.Choice(["exact", "peer", "samples"]),
-        rare=True,
-        help="Times at which maxima are evaluated: at and between the samples (exact, the "
-        "default), at ten or more time steps per period (peer, as in the spectra of PEER), or only "
-        "at the samples of the record (samples, as in the spectra of USGS). Cannot be used with "
-        "--method. Adds a column.",
+        type=click.Choice(["exact", "peer", "samples"]), rare=True
     )
     interpolation: str | None = options.spectra.option(
-        type=click.Choice(["linear", "band-limited"]),
-        rare=True,
-        help="Interpolation of the ground motion between its samples: linear (default), or "
-        "band-limited (no frequencies above half the sampling rate). Adds a column.",
+        type=click.Choice(["linear", "band-limited"]), rare=True
     )
     rotd: tuple[int, ...] | None = options.spectra.option(
-        type=option_types.ListOf(click.IntRange(0, 100)),
-        metavar="P,...",
-        help="Write spectra of two horizontal components instead: percentiles of the "
-        "pseudo-acceleration over all directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+        type=option_types.ListOf(click.IntRange(0, 100)), metavar="P,..."
     )
     pairs: PairNames | None = options.spectra.option(
-        needs="--rotd",
-        type=option_types.pair_names,
-        rare=True,
-        help="Names of the two files of a ground motion, with {} for the common part: "
-        "'{}_N.AT2,{}_E.AT2'.",
+        needs="--rotd", type=option_types.pair_names, rare=True
     )
     ductility: tuple[float, ...] | None = options.spectra.option(
-        type=option_types.ListOf(option_types.Number(1.0, MOST_DUCTILE)),
-        metavar="MU,...",
-        help="Write inelastic spectra instead: the yield strength for each of these ratios of "
-        "maximum to yield displacement (the maximum strength if several strengths give the ratio).",
+        type=option_types.ListOf(option_types.Number(1.0, MOST_DUCTILE)), metavar="MU,..."
     )
     strength: tuple[float, ...] | None = options.spectra.option(
-        rare=True,
-        type=option_types.ListOf(option_types.Ratio(0.0, min_open=True)),
-        help="Write inelastic spectra instead: the response for each of these ratios of yield "
-        "force to weight.",
+        rare=True, type=option_types.ListOf(option_types.Ratio(0.0, min_open=True))
     )
     reduction: tuple[float, ...] | None = options.spectra.option(
         rare=True,
         type=option_types.ListOf(option_types.Number(0.0, min_open=True)),
         metavar="R,...",
-        help="Write inelastic spectra instead: the response for yield forces that are the maximum "
-        "elastic force at the period divided by each of these factors.",
     )
     hardening: float | None = options.spectra.option(
         needs="--ductility, --strength or --reduction",
         type=option_types.Ratio(0.0, 1.0, max_open=True),
         rare=True,
-        help="With --ductility, --strength or --reduction: post-yield stiffness divided by initial "
-        "stiffness; 0 by default (elastoplastic).",
     )
     oscillator: tuple[float, ...] | None = options.spectra.option(
         needs="--history",
         type=option_types.ListOf(option_types.Number(0.0, min_open=True)),
         metavar="SECONDS,...",
         rare=True,
-        help="With --history: write response histories of elastic oscillators of these periods "
-        "instead.",
     )
     history: str | None = options.spectra.option(
-        needs="--oscillator",
-        is_flag=False,
-        flag_value=option_types.BESIDE,
-        metavar="",
-        rare=True,
-        help="With --oscillator: write a row for each sample.",
+        needs="--oscillator", is_flag=False, flag_value=option_types.BESIDE, metavar="", rare=True
     )
     target: str | None = options.spectra.target(
         "Draw this spectrum with the spectra of the records (--plot) or, without RECORD, write it "
         "as a table",
         grammar.SPECTRUM,
     )
-    against: str | None = options.spectra.option(
-        type=option_types.FileName(),
-        rare=True,
-        help="Write the difference to a published spectrum instead: a CSV file with a header that "
-        "states quantities and units (period_s, psa_g; T (s), SD (cm)). Its periods are used "
-        "unless --period is given.",
-    )
+    against: str | None = options.spectra.option(type=option_types.FileName(), rare=True)
     against_column: str | None = options.spectra.option(
-        needs="--against",
-        metavar="NAME",
-        rare=True,
-        help="Column of the published spectrum, if the file has several.",
+        needs="--against", metavar="NAME", rare=True
     )
-    fourier: bool = options.spectra.option(
-        help="Write Fourier amplitude spectra of the acceleration instead."
-    )
+    fourier: bool = options.spectra.option()
     smoothing: float | None = options.spectra.option(
         needs="--fourier",
         type=option_types.Written("bandwidth", _bandwidth),
         metavar="B|none",
         rare=True,
-        help="With --fourier: bandwidth of the smoothing window of Konno and Ohmachi; 40 by "
-        "default.",
     )
     axes: str | None
     scale: float | None

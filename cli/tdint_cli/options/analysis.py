@@ -84,41 +84,16 @@ plugin = plugins(exposed=False)
 
 def method_of(needs: str) -> grammar.Declaration:
     """Declare the option --method; `needs` is the option that it requires."""
-    return option(
-        "--method",
-        type=method_name,
-        needs=needs,
-        metavar="SPEC",
-        help="Time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5; "
-        "`tdint methods` lists all methods.",
-    )
+    return option("--method", type=method_name, needs=needs, metavar="SPEC")
 
 
 method = method_of("")
 
 
-dt = option(
-    "--dt",
-    type=float,
-    metavar="SECONDS",
-    help="Time step; by default that of the model, otherwise the sampling interval of the record. "
-    "With a record, the time step must be the sampling interval divided or multiplied by an "
-    "integer.",
-)
-duration = option(
-    "--duration",
-    type=float,
-    metavar="SECONDS",
-    rare=True,
-    help="Duration of the analysis; by default that of the model, otherwise that of the record.",
-)
+dt = option("--dt", type=float, metavar="SECONDS")
+duration = option("--duration", type=float, metavar="SECONDS", rare=True)
 
-until_rest = option(
-    "--until-rest",
-    is_flag=True,
-    help="Continue after the end of the record until free vibration has decayed; residual drifts "
-    "are final values in this case.",
-)
+until_rest = option("--until-rest", is_flag=True)
 
 
 # ---- This part combines the model and the options of the record: the building of a command line

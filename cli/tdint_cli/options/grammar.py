@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import functools
 import re
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from itertools import pairwise, takewhile
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast, dataclass_transform
 
 import click
@@ -196,9 +199,7 @@ def request(request_class: type[RequestT]) -> type[RequestT]:
     return frozen_class
 
 
-def adapted(
-    adapt: Callable[[dict[str, Any]], dict[str, Any]],
-) -> Callable[[Function], Function]:
+def adapted(adapt: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Function], Function]:
     """Return a decorator that adapts the values of the options before the command receives them.
 
     Parameters
@@ -365,12 +366,32 @@ COMMON, LINES = 20, 50
 one screen."""
 
 
+@cache
+def _helps() -> dict[tuple[str, str], str]:
+    """Return the texts of `help.csv` by command (empty: every other command) and option."""
+    file = Path(__file__).with_name("help.csv")
+    with file.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    return {
+        (command, row["option"]): row["help"]
+        for row in rows
+        for command in row["commands"].split(" ")
+    }
+
+
+def _help_of(command: str, option: str) -> str | None:
+    """Return the help of an option of a command, which `help.csv` declares."""
+    texts = _helps()
+    return texts.get((command, option)) or texts.get(("", option))
+
+
 class Command(HelpAsData):
     """A command with help in two levels and the options that every command has.
 
     `--help` shows the first two sentences of the docstring of the function, `examples`, the options
     that are not `rare`, and `exits`, the meanings of exit codes of the command. `--help-all` shows
-    the complete docstring and all options under their headings.
+    the complete docstring and all options under their headings. Options that are declared without
+    help have the text of `help.csv`.
 
     Parameters
     ----------
@@ -390,6 +411,9 @@ class Command(HelpAsData):
         text = "Show all options and a detailed description of the command, and exit."
         all_help = flag(["--help-all"], shown_when_asked(self.all_help), text)
         settings["params"] = [*(settings.get("params") or ()), *general(), all_help]
+        for option in settings["params"]:
+            if isinstance(option, HeadedOption) and option.help is None:
+                option.help = _help_of(name or "", option.opts[-1])
         super().__init__(name, **settings)
         self.examples = examples
         self.exits = exits or {}
@@ -685,11 +709,7 @@ def command(
 def general() -> list[click.Parameter]:
     """Return the options of every command, --quiet and --debug."""
     return [
-        _setting(
-            ["-q", "--quiet"],
-            "quiet",
-            "Print only errors and warnings that affect results.",
-        ),
+        _setting(["-q", "--quiet"], "quiet", "Print only errors and warnings that affect results."),
         _setting(["--debug"], "debug", "Show tracebacks and step times."),
     ]
 

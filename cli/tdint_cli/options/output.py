@@ -156,8 +156,6 @@ def style_of(needs: str) -> grammar.Declaration:
         callback=_styled,
         metavar="LOOKS",
         rare=True,
-        help="Figure style: 90mm, title=no. A width selects print settings: font sizes of 6 to 8 "
-        "points, 600 dpi.",
     )
 
 
@@ -165,21 +163,9 @@ PICTURE = (
     "Also write a figure to this file (.png, .pdf, .svg); by default, the name of -o with .png."
 )
 picture = plot(PICTURE)
-units = option(
-    "--output-units",
-    type=OutputUnitsType(),
-    rare=True,
-    help="Units of tables, summaries and figures; by default output_units of the model, otherwise "
-    "SI. At most one unit for each of force, length, mass, velocity, acceleration: kip,in,g.",
-)
-report = option(
-    "--report",
-    type=FileName(written=True, check=_check_report),
-    metavar="FILE.html",
-    help="Also write an HTML report: results, building, ground motions, figures, assumptions, "
-    "warnings, checksums; a single file without external resources, for printing on A4.",
-)
-overwrite = option("--overwrite", is_flag=True, recorded=False, help="Replace existing outputs.")
+units = option("--output-units", type=OutputUnitsType(), rare=True)
+report = option("--report", type=FileName(written=True, check=_check_report), metavar="FILE.html")
+overwrite = option("--overwrite", is_flag=True, recorded=False)
 
 
 def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:

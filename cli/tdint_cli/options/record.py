@@ -83,37 +83,11 @@ records = click.argument(
 records_if_any = click.argument(
     "records", metavar="[RECORD]...", nargs=-1, type=option_types.FileName()
 )
-record = _rare(
-    "--record",
-    type=option_types.FileName(),
-    help="Record that replaces the record of the model; the record settings of the model do not "
-    "apply to it.",
-)
-units = option(
-    "--units",
-    type=option_types.Written("name", _sample_units, _units),
-    metavar="UNITS",
-    help="Units of the samples, or units by file: AT2=g,*.mseed=m/s^2; for all files: m/s^2, "
-    "cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2, with a factor for the value of one count "
-    "('2.38e-6 m/s^2'). Units of velocity or displacement (cm/s, cm) are allowed; the samples are "
-    "then differentiated. By file: a format or a pattern for the end of the path, or a table "
-    "(.csv) with the columns record and units; the first match applies.",
-)
-component = option(
-    "--component",
-    metavar="NAME",
-    help="Component of the record: its channel code (HNE), full id, or the last character of the "
-    "code (E).",
-)
-inventory = _rare(
-    "--inventory",
-    type=option_types.FileName(),
-    help="StationXML file for removal of the instrument response, if neither the record file nor "
-    "--units specifies the units of the samples.",
-)
-_factor = partial(
-    option, "--scale", metavar="FACTOR", help="Scale factor of the ground acceleration, not zero."
-)
+record = _rare("--record", type=option_types.FileName())
+units = option("--units", type=option_types.Written("name", _sample_units, _units), metavar="UNITS")
+component = option("--component", metavar="NAME")
+inventory = _rare("--inventory", type=option_types.FileName())
+_factor = partial(option, "--scale", metavar="FACTOR")
 scale = _factor(type=option_types.ListOf(option_types.Nonzero(), once=False))
 one_scale = _factor(type=option_types.Nonzero(), needs="RECORD")
 
@@ -134,87 +108,22 @@ def pair_demand(
 
 
 _LAYOUT = (
-    _rare(
-        "--step",
-        type=option_types.Number(0.0, min_open=True),
-        metavar="SECONDS",
-        help="Sampling interval of a text table that does not contain it; a file that contains it "
-        "must agree.",
-    ),
-    _rare(
-        "--column",
-        type=option_types.ListOf(click.STRING),
-        metavar="N|NAME,...",
-        help="Columns of a text table, by number (from 1) or name; by default the columns with "
-        "names of accelerations, otherwise all columns except the time.",
-    ),
-    _rare(
-        "--skip-lines",
-        type=click.IntRange(0, 1_000_000),
-        metavar="N",
-        help="Number of lines to skip at the beginning of a text table.",
-    ),
-    _rare(
-        "--rows",
-        is_flag=True,
-        help="The numbers of a line of a text table are successive samples of one ground motion, "
-        "which the next line continues; required only if the file does not show it.",
-    ),
-    _rare(
-        "--one-sided",
-        is_flag=True,
-        help="The samples of one sign are a pulse; without this option, a warning is given or a "
-        "text table is refused, because a spectrum or a list of peaks is also of one sign.",
-    ),
+    _rare("--step", type=option_types.Number(0.0, min_open=True), metavar="SECONDS"),
+    _rare("--column", type=option_types.ListOf(click.STRING), metavar="N|NAME,..."),
+    _rare("--skip-lines", type=click.IntRange(0, 1_000_000), metavar="N"),
+    _rare("--rows", is_flag=True),
+    _rare("--one-sided", is_flag=True),
 )
 
 _PROCESSING = (
-    _rare(
-        "--trim",
-        metavar="START:END",
-        help="Keep only this part of the record, in seconds from the first sample; START or END "
-        "may be omitted.",
-    ),
-    _rare(
-        "--baseline",
-        type=click.Choice(["constant", "linear", "quadratic"]),
-        help="Remove the mean, the least-squares line or the least-squares parabola of the "
-        "acceleration.",
-    ),
-    _rare("--pad", metavar="SECONDS|BEFORE:AFTER", help="Add zeros before and after the record."),
-    option(
-        "--highpass",
-        type=option_types.Number(0.0, min_open=True),
-        metavar="HZ",
-        help="Zero-phase Butterworth high-pass filter with this corner frequency; applied forward "
-        "and backward, which halves the amplitude at the corner.",
-    ),
-    _rare(
-        "--lowpass",
-        type=option_types.Number(0.0, min_open=True),
-        metavar="HZ",
-        help="Zero-phase Butterworth low-pass filter with this corner frequency.",
-    ),
-    _rare(
-        "--filter-order",
-        type=click.IntRange(1, 10),
-        metavar="N",
-        help="Order of the filters; 4 by default.",
-    ),
-    _rare(
-        "--resample",
-        type=option_types.Number(0.0, min_open=True),
-        metavar="DT",
-        help="New sampling interval, s, by band-limited resampling, with an anti-aliasing filter "
-        "if the interval becomes longer.",
-    ),
-    _rare(
-        "--time-scale",
-        type=option_types.Number(0.0, min_open=True),
-        metavar="FACTOR",
-        help="Multiply the times by this factor, after the other steps; 0.2 compresses the record "
-        "by 5, for a model on a shake table.",
-    ),
+    _rare("--trim", metavar="START:END"),
+    _rare("--baseline", type=click.Choice(["constant", "linear", "quadratic"])),
+    _rare("--pad", metavar="SECONDS|BEFORE:AFTER"),
+    option("--highpass", type=option_types.Number(0.0, min_open=True), metavar="HZ"),
+    _rare("--lowpass", type=option_types.Number(0.0, min_open=True), metavar="HZ"),
+    _rare("--filter-order", type=click.IntRange(1, 10), metavar="N"),
+    _rare("--resample", type=option_types.Number(0.0, min_open=True), metavar="DT"),
+    _rare("--time-scale", type=option_types.Number(0.0, min_open=True), metavar="FACTOR"),
 )
 
 

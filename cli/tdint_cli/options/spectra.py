@@ -69,7 +69,6 @@ def damping(needs: str = "") -> grammar.Declaration:
         default=(0.05,),
         rare=bool(needs),
         needs=needs,
-        help="Damping ratios; 0.05 (or 5%) by default.",
     )
 
 

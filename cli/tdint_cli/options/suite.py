@@ -19,14 +19,7 @@ PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """Names of files in the directory of -o."""
 
 
-CHANGED = output.option(
-    is_flag=True,
-    recorded=False,
-    needs="-o",
-    rare=True,
-    help="After a change of records or buildings, keep the results of the others in the directory "
-    "of -o, and run only what has changed.",
-)
+CHANGED = output.option(is_flag=True, recorded=False, needs="-o", rare=True)
 """The option --changed."""
 
 
@@ -138,30 +131,15 @@ class _DriftLimit(Ratio):
 
 _NOT_LEVELS = ("nan", "inf", "infinity")
 
-LIMIT = analysis.option(
-    type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
-    metavar="2%",
-    help="Drift limit: check that the mean over the ground motions of the maximum drift ratio does "
-    "not exceed it in any story; the figure shows it as a line. It is used instead of the `limits` "
-    "of the model; the name of a performance level selects its limits.",
-)
+LIMIT = analysis.option(type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True), metavar="2%")
 """The option --limit."""
 
 
 RISK_CATEGORY = analysis.option(
-    type=click.Choice(("I", "II", "III", "IV"), case_sensitive=False),
-    rare=True,
-    help="Risk category of ASCE 7. In categories I and II, one ground motion with a collapse or "
-    "without a result is accepted unless motions are matched to a spectrum: the demand that is "
-    "compared with a limit is then the larger of 1.2 times the median over all motions and the "
-    "mean over the others (ASCE 7-16, 16.4.1.1).",
+    type=click.Choice(("I", "II", "III", "IV"), case_sensitive=False), rare=True
 )
 """The option --risk-category."""
 
 
-REQUIRE = analysis.option(
-    is_flag=True,
-    help="Exit with code 5 if --limit or a limit of the model is exceeded, a run is missing, or a "
-    "run collapsed.",
-)
+REQUIRE = analysis.option(is_flag=True)
 """The option --require, which requires --limit or `limits` in the model."""

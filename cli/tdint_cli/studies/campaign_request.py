@@ -25,49 +25,17 @@ class CampaignRequest(SuiteRequest):
         "stories.csv, elements.csv.",
     )
     jobs: int | None = options.output.threads("Number of threads; one per processor")
-    shard: str | None = options.option(
-        metavar="K/N",
-        help="Run only part K of N, each part in a separate directory; `merge` combines the parts.",
-    )
-    max_runs: int | None = options.option(
-        type=click.IntRange(1),
-        metavar="N",
-        recorded=False,
-        help="Stop after N runs; the same call continues the campaign.",
-    )
-    dask: str | None = options.option(
-        metavar="ADDRESS",
-        rare=True,
-        recorded=False,
-        help="Execute the runs on the workers of this Dask scheduler: tcp://127.0.0.1:8786 on this "
-        "machine, tls:// on other machines (certificates: the configuration of Dask).",
-    )
-    partial: bool = options.option(
-        rare=True, help="With merge: accept missing runs, and report their number."
-    )
-    simcenter: bool = options.output.option(
-        rare=True,
-        help="With export: also write simcenter.csv, the demands with SimCenter names (1-PFA-1-1).",
-    )
-    geojson: bool = options.output.option(
-        rare=True,
-        help="With export: also write buildings.geojson, the buildings of an inventory as points "
-        "with their demands, damage, losses and average annual losses, for maps; with --by COLUMN "
-        "also districts.geojson, the losses by the values of that column.",
-    )
+    shard: str | None = options.option(metavar="K/N")
+    max_runs: int | None = options.option(type=click.IntRange(1), metavar="N", recorded=False)
+    dask: str | None = options.option(metavar="ADDRESS", rare=True, recorded=False)
+    partial: bool = options.option(rare=True)
+    simcenter: bool = options.output.option(rare=True)
+    geojson: bool = options.output.option(rare=True)
     event: tuple[str, ...] | None = options.output.option(
-        type=ListOf(Written("name")),
-        needs="--geojson",
-        rare=True,
-        help="Write only these events of ground motion fields to the maps.",
+        type=ListOf(Written("name")), needs="--geojson", rare=True
     )
     polygons: str | None = options.output.option(
-        type=FileName(),
-        needs="--geojson",
-        rare=True,
-        metavar="FILE.geojson",
-        help="Polygons of the districts for districts.geojson, with a property that has the name "
-        "of the column of --by; points of the buildings by default.",
+        type=FileName(), needs="--geojson", rare=True, metavar="FILE.geojson"
     )
 
     plot: str | None = options.output.plot(
@@ -77,12 +45,7 @@ class CampaignRequest(SuiteRequest):
     )
     report: str | None = options.output.report
     report_head: tuple[tuple[str, str], ...] | None = options.output.option(
-        needs="--report",
-        type=Written("head", parse_head),
-        metavar="TEXT",
-        rare=True,
-        help="Lines at the top of the report, instead of `report` of the models: 'Project: Bridge "
-        "7; Author: A. B.'.",
+        needs="--report", type=Written("head", parse_head), metavar="TEXT", rare=True
     )
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
@@ -91,22 +54,6 @@ class CampaignRequest(SuiteRequest):
     require: bool = REQUIRE
     risk_category: str | None = RISK_CATEGORY
     pair_demand: str | None = options.record.pair_demand()
-    baseline: str | None = options.analysis.option(
-        metavar="NAME",
-        help="Also write ratios.csv: mean, median and maximum of each building divided by the "
-        "values of this building; the ratios of the maximum over all stories are printed.",
-    )
-    by: str | None = options.output.option(
-        metavar="COLUMN",
-        rare=True,
-        help="Also report losses by the values of this column of the inventory, such as district, "
-        "in a column of losses.csv.",
-    )
-    im: tuple[str, ...] | None = study_options.option(
-        type=ListOf(Written("name")),
-        rare=True,
-        help="Also write measures.csv, intensity measures of each run for `tdint fragility --im`: "
-        "pga, pgv, pgd, arias, cav, cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about "
-        "T1) or sa-avg:FIRST:LAST in seconds, sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force "
-        "divided by weight).",
-    )
+    baseline: str | None = options.analysis.option(metavar="NAME")
+    by: str | None = options.output.option(metavar="COLUMN", rare=True)
+    im: tuple[str, ...] | None = study_options.option(type=ListOf(Written("name")), rare=True)

@@ -57,39 +57,17 @@ class Request:
     """The command line of `tdint compare`."""
 
     model: str
-    recorded: str = options.option(
-        type=FileName(),
-        required=True,
-        help="Recorded response and sensor locations: a YAML file with the keys base, floors, "
-        "band, window, shift.",
-    )
+    recorded: str = options.option(type=FileName(), required=True)
     fit: tuple[str, ...] | None = options.option(
         type=ListOf(click.Choice(["stiffness", "stiffness-factor", "damping"])),
         metavar="stiffness|stiffness-factor,damping",
-        help="First fit parameters to the recording: the story stiffnesses, one factor of all "
-        "stiffnesses (suitable for a single sensor), or the damping. Bounds: stiffnesses from 0.1 "
-        "to 10 times the value of the model, damping ratios from 0.01 to 50 %, Rayleigh "
-        "coefficients from 0.001 to 1000 times the value of the model.",
     )
-    blind: tuple[str, ...] | None = options.option(
-        needs="--fit",
-        type=ListOf(FileName()),
-        help="Also compare other recordings with the fitted model (blind prediction); adds the "
-        "column recorded.",
-    )
+    blind: tuple[str, ...] | None = options.option(needs="--fit", type=ListOf(FileName()))
     require: tuple[tuple[str, float], ...] | None = options.option(
-        type=ListOf(Written("NAME=NUMBER", _requirement)),
-        help="Exit with code 5 unless every floor has a correlation of at least NUMBER, a "
-        "peak_ratio between NUMBER and its inverse, or an rms_difference of at most NUMBER.",
+        type=ListOf(Written("NAME=NUMBER", _requirement))
     )
     method: str | None = options.analysis.method
-    dt: float | None = options.analysis.option(
-        type=float,
-        metavar="SECONDS",
-        rare=True,
-        help="Time step: the sampling interval of the recording divided by an integer; by default "
-        "small enough that the discretization error is negligible.",
-    )
+    dt: float | None = options.analysis.option(type=float, metavar="SECONDS", rare=True)
     damping: float = options.analysis.damping_of(
         "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
     )

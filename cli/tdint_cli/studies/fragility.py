@@ -57,22 +57,8 @@ SIGNIFICANT = 0.05
 
 
 _OPENQUAKE_OPTIONS = (
-    options.output.option(
-        "--openquake",
-        type=FileName(written=True),
-        metavar="FILE.xml",
-        help="Also write the functions as a fragility model of OpenQuake (NRML 0.5). The id of "
-        "a function is the name of the file; with --by type, the name of the type. If the "
-        "damage states have loss ratios, --by type also writes FILE-vulnerability.xml for the "
-        "scenario_risk calculator.",
-    ),
-    options.output.option(
-        "--states",
-        type=ListOf(Written("name")),
-        needs="--openquake",
-        help="Names of the limit states in the OpenQuake file, in order of increasing "
-        "threshold; ds1, ds2, ... by default.",
-    ),
+    options.output.option("--openquake", type=FileName(written=True), metavar="FILE.xml"),
+    options.output.option("--states", type=ListOf(Written("name")), needs="--openquake"),
 )
 
 
@@ -84,79 +70,26 @@ class Request:
     states: tuple[str, ...] | None
     outputs: Outputs
     table: str = options.argument("TABLE.csv|DIR", type=FileName())
-    fit: str | None = options.option(
-        type=click.Choice(_FITS),
-        help="stripes: maximum likelihood from the number of exceedances at each intensity "
-        "level. ida: mean and standard deviation of ln capacity, or maximum likelihood if some "
-        "capacities are censored. cloud: regression line of ln demand (EDP) over ln intensity "
-        "(IM), whose standard deviation divides by n - 2. By default, the columns of the table "
-        "decide.",
-    )
-    threshold: tuple[float, ...] | None = study_options.threshold(
-        help="Limits of the drift ratio (or of another demand); a function is the probability "
-        "of exceeding its limit. By default, the thresholds of the table."
-    )
-    by: str | None = options.option(
-        type=click.Choice(["type", "building"]),
-        help="Fit one function per damage state for each building type (class), or for each "
-        "building, of a campaign with `damage`; DIR is the directory of the campaign. A type "
-        "contains all variations (`vary`) of a model. With --by building, and for variations, "
-        "--threshold can replace the damage states.",
-    )
-    edp_range: tuple[float, float] | None = options.option(
-        type=span,
-        help="For --fit cloud: ignore demands below LOW, and treat demands above HIGH as "
-        "censored (known only to be larger than HIGH). LOW or HIGH may be omitted.",
-    )
-    im: tuple[str, ...] | None = options.option(
-        type=ListOf(Written("name")),
-        help="Intensity measure of the runs of a campaign: sa at the first period (default), "
-        "pga, or a measure of `tdint campaign --im` (pgv, sa:0.6, ...). For pairs of "
-        "components, the geometric mean of both. With several measures, the output is a table "
-        "that compares how well each measure predicts the maximum drift.",
-    )
+    fit: str | None = options.option(type=click.Choice(_FITS))
+    threshold: tuple[float, ...] | None = study_options.threshold()
+    by: str | None = options.option(type=click.Choice(["type", "building"]))
+    edp_range: tuple[float, float] | None = options.option(type=span)
+    im: tuple[str, ...] | None = options.option(type=ListOf(Written("name")))
     sufficiency: str | None = options.option(
-        needs="--im",
-        type=FileName(),
-        metavar="FILE.csv",
-        rare=True,
-        help="With several measures: table of characteristics of the ground motions (columns "
-        "record, magnitude, ...). For each characteristic, test whether the residuals of the "
-        "regression depend on it (sufficiency). Runs under one ground motion, or with a column "
-        "`event` under the ground motions of one event, are not independent; the test accounts "
-        "for this.",
+        needs="--im", type=FileName(), metavar="FILE.csv", rare=True
     )
     pair_demand: str | None = options.record.pair_demand(
         options.grammar.OWN, "larger", " The default is the treatment in the study."
     )
     modeling_dispersion: float = options.option(
-        type=Number(0.0, 10.0),
-        default=0.0,
-        metavar="BETA",
-        rare=True,
-        help="Modeling uncertainty: standard deviation of the logarithm of the demand. Adds the "
-        "column beta_total, the square root of beta^2 + BETA^2.",
+        type=Number(0.0, 10.0), default=0.0, metavar="BETA", rare=True
     )
-    hazard: str | None = options.option(
-        type=FileName(),
-        metavar="CURVE.csv",
-        help="Hazard curve: a CSV file with the columns im,unit,rate (1/year) or "
-        "im,unit,probability,years. Adds the mean annual frequency of exceeding each threshold "
-        "with its standard error, the probability in 50 years, the median contributing intensity, "
-        "and the risk target of ASCE 7-16.",
-    )
-    allow_outside: bool = options.option(
-        needs="--hazard",
-        rare=True,
-        help="Accept a frequency of which more than 10 % is from intensities outside the points of "
-        "the hazard curve.",
-    )
+    hazard: str | None = options.option(type=FileName(), metavar="CURVE.csv")
+    allow_outside: bool = options.option(needs="--hazard", rare=True)
 
 
 @options.command(
-    "fragility",
-    "tdint fragility stripes.csv",
-    "tdint fragility stripes.csv -o curve.csv --plot",
+    "fragility", "tdint fragility stripes.csv", "tdint fragility stripes.csv -o curve.csv --plot"
 )
 @options.output.to_files(
     picture="Also plot the functions with observations and confidence bands: to this file "

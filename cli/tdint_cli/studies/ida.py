@@ -85,17 +85,8 @@ class IdaRequest(RecordsRequest):
     """The command line of `tdint ida`."""
 
     model: str
-    im: str = study_options.option(
-        type=Written("name", _measure, _measures),
-        default="sa",
-        help="Intensity measure: Sa at a period (sa, default), the geometric mean of Sa from 0.2 "
-        "to 3 times a period (sa-avg), pga, pgv, pgd, arias, cav, or a measure of a plug-in.",
-    )
-    period: float | None = study_options.option(
-        needs="--im sa or sa-avg",
-        type=period,
-        help="Period of sa and sa-avg; by default T1, the first natural period of the building.",
-    )
+    im: str = study_options.option(type=Written("name", _measure, _measures), default="sa")
+    period: float | None = study_options.option(needs="--im sa or sa-avg", type=period)
     pairs: PairWish | None = study_options.pairs(
         "Scale the two horizontal components of a ground motion together, to levels of this "
         "measure of the pair; both components are run."
@@ -106,30 +97,12 @@ class IdaRequest(RecordsRequest):
     )
     pair_demand: str | None = options.record.pair_demand(options.grammar.INTENSITY)
     damping: float = study_options.damping("--im sa or sa-avg")
-    max_im: Units | None = study_options.option(
-        rare=True,
-        type=intensity,
-        help="Maximum intensity, with its unit (3g). Capacities above it are censored: known "
-        "only to be larger.",
-    )
+    max_im: Units | None = study_options.option(rare=True, type=intensity)
     precision: float = options.analysis.option(
-        type=Ratio(0.0, 0.5, min_open=True),
-        default=0.05,
-        metavar="5%",
-        help="Precision of the collapse capacity: maximum relative distance between the highest "
-        "level without collapse and the lowest level with collapse; 5% by default.",
+        type=Ratio(0.0, 0.5, min_open=True), default=0.05, metavar="5%"
     )
-    collapse_drift: float | None = options.analysis.option(
-        type=drift_ratio,
-        metavar="10%",
-        help="Drift ratio above which the building counts as collapsed; by default the value of "
-        "the model.",
-    )
-    threshold: tuple[float, ...] | None = study_options.threshold(
-        help="Also report the intensities at which these drift ratios are exceeded. By default "
-        "the medians of the damage states of the model, if they refer to drift_ratio; otherwise "
-        "1%,2%,4%."
-    )
+    collapse_drift: float | None = options.analysis.option(type=drift_ratio, metavar="10%")
+    threshold: tuple[float, ...] | None = study_options.threshold()
     p695: Acceptance | None = study_options.option(
         needs="--im sa",
         type=Written("design", _acceptance),
@@ -141,21 +114,9 @@ class IdaRequest(RecordsRequest):
         f"requirements (dr), test data (td) and modeling (mdl). Written to {MARGIN} in the "
         "directory of -o.",
     )
-    after: str | None = options.option(
-        needs="--damage",
-        type=FileName(),
-        metavar="MAIN",
-        rare=True,
-        help="Repeat the analysis for the building damaged by this main shock. Each RECORD is "
-        "then an aftershock, which starts when the building is at rest.",
-    )
+    after: str | None = options.option(needs="--damage", type=FileName(), metavar="MAIN", rare=True)
     damage: tuple[float, ...] | None = options.option(
-        needs="--after",
-        type=ListOf(drift_ratio),
-        metavar="2%,...",
-        rare=True,
-        help="Drift ratios of the damaged building: the main shock is scaled to each of them, "
-        "and the analysis is repeated for each.",
+        needs="--after", type=ListOf(drift_ratio), metavar="2%,...", rare=True
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt

@@ -26,12 +26,7 @@ RULES = ("mdof-lu", "capacity")
 _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 
 
-_MODELS = options.output.option(
-    "--models",
-    type=FileName(folder=True, written=True),
-    metavar="DIR",
-    help="Also write a model file ID.yaml for each building to this directory, for `tdint run`.",
-)
+_MODELS = options.output.option("--models", type=FileName(folder=True, written=True), metavar="DIR")
 
 
 @options.request
@@ -41,37 +36,11 @@ class Request:
     models: str | None
     outputs: Outputs
     buildings: str = options.argument("BUILDINGS.csv", type=FileName())
-    units: str = options.option(
-        type=click.Choice(["ft", "m"]),
-        required=True,
-        help="Unit of lengths in the file; areas are in the square of this unit. It has no "
-        "default; files of SimCenter use ft.",
-    )
-    rules: str = options.option(
-        type=click.Choice(RULES),
-        default=RULES[0],
-        help="Rules that generate the buildings; mdof-lu by default.",
-    )
-    classes: str | None = options.option(
-        type=FileName(),
-        needs="--rules capacity",
-        help="Capacity curves of the building classes, for --rules capacity: CSV with the "
-        "columns class, sd_m and sa_g, two to four rows per class, and optionally soft_story "
-        "and degradation (true or false).",
-    )
-    mapping: str | None = options.option(
-        type=FileName(),
-        metavar="FILE.csv",
-        help="Read BUILDINGS as an exposure model of OpenQuake (NRML, or CSV files that it "
-        "names). FILE.csv has one row per taxonomy: the column taxonomy, and the columns that "
-        "the rules require, such as class and NumberOfStories.",
-    )
-    damping: str = options.option(
-        type=click.Choice(["full", "mass-only"]),
-        default="full",
-        help="Damping: full (default), or mass-only, which omits the part proportional to "
-        "stiffness. mass-only reproduces programs that lose this part.",
-    )
+    units: str = options.option(type=click.Choice(["ft", "m"]), required=True)
+    rules: str = options.option(type=click.Choice(RULES), default=RULES[0])
+    classes: str | None = options.option(type=FileName(), needs="--rules capacity")
+    mapping: str | None = options.option(type=FileName(), metavar="FILE.csv")
+    damping: str = options.option(type=click.Choice(["full", "mass-only"]), default="full")
 
 
 @options.command(

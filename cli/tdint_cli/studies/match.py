@@ -58,55 +58,23 @@ class MatchRequest(RecordsRequest):
         f"Write {MATCHED} and each matched ground motion, with the name of its record, to this "
         "directory, which is created if necessary.",
     )
-    target: str = options.option(
-        required=True,
-        metavar="SPECTRUM",
-        help="Target spectrum: a CSV file, or a design spectrum such as asce7:sds=1,sd1=0.6,tl=8.",
-    )
-    range: tuple[float, float] = options.option(
-        type=span, default="0.05:4", help="Range of the matched periods, s; 0.05:4 by default."
-    )
+    target: str = options.option(required=True, metavar="SPECTRUM")
+    range: tuple[float, float] = options.option(type=span, default="0.05:4")
     damping: tuple[float, ...] = options.option(
-        type=ListOf(damping_ratio),
-        default=(0.05,),
-        rare=True,
-        help="Damping ratios of the spectra; 0.05 (or 5%) by default. A motion is matched at "
-        "all of them together. Several ratios need a target with a spectrum for each: a CSV file "
-        "with the column damping, as `tdint spectrum --damping 2%,5% -o` writes it, or ec8 without "
-        "its damping.",
+        type=ListOf(damping_ratio), default=(0.05,), rare=True
     )
-    format: str = options.option(
-        type=click.Choice(("mseed", "at2", "csv")),
-        default="mseed",
-        help="File format of the matched ground motions: mseed (MiniSEED, default), at2 (PEER, "
-        "in g) or csv.",
-    )
-    pairs: PairWish | None = options.option(
-        type=pairs_of((PAIR,)),
-        metavar=f"{PAIR}[,NAMES]",
-        help="Match the two horizontal components of a ground motion together, such that their "
-        "RotD100 spectrum is the target. The file names of a pair differ only in the component, "
-        "or follow the patterns NAMES: '{}_a.txt,{}_b.txt'.",
-    )
-    suite: str = options.option(
-        type=click.Choice(SUITES),
-        default=SUITES[0],
-        help="each (default): match every ground motion to the target. mean: match only the "
-        "mean spectrum of the suite to the target; each ground motion is matched to its own "
-        "scaled spectrum times (target / mean), which keeps the scatter of the suite.",
-    )
+    format: str = options.option(type=click.Choice(("mseed", "at2", "csv")), default="mseed")
+    pairs: PairWish | None = options.option(type=pairs_of((PAIR,)), metavar=f"{PAIR}[,NAMES]")
+    suite: str = options.option(type=click.Choice(SUITES), default=SUITES[0])
     factors: str | None = study_options.factors(
         "The records replace RECORD. With --suite mean, these factors define the initial "
         "spectra of the suite. Otherwise they have no effect, because each ground motion is "
         "first scaled to the target."
     )
     max_misfit: float = options.option(
-        type=Ratio(0.0, 1.0, min_open=True),
-        metavar="5%",
-        default="5%",
-        help="Maximum misfit without a warning; 5% by default.",
+        type=Ratio(0.0, 1.0, min_open=True), metavar="5%", default="5%"
     )
-    require: bool = options.option(help="Exit with code 5 if a misfit exceeds --max-misfit.")
+    require: bool = options.option()
     plot: str | None = options.output.plot(
         "Also plot the first ground motion and its scaled seed: spectra from half the shortest "
         "to twice the longest matched period (for a pair also the spectra of both components), "

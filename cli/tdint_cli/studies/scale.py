@@ -75,88 +75,32 @@ class ScaleRequest(RecordsRequest):
     spectra: str | None
     outputs: Outputs
     target: str | None = options.spectra.target("Scale to this spectrum")
-    range: Grid | None = options.option(
-        needs="--target",
-        type=option_types.span_at(100),
-        help="Period range in which the spectra are fitted to the target, s. FIRST:LAST (100 "
-        "periods, logarithmically spaced) or FIRST:LAST:COUNT. Default: all periods of the target; "
-        "with --building, or with --at T and --rule asce7 or ec8, 0.2 T to 2 T.",
-    )
-    rule: str | None = options.option(
-        needs="--target",
-        type=click.Choice(_RULES),
-        help="mean (default): least squares of ln Sa of each ground motion. asce7: at "
-        "least 11 pairs; the average of the maximum-direction spectra is at least 90 % of the "
-        "target at all periods (ASCE 7-16, 16.2.3.2). ec8: the mean spectrum is at least 90 % of "
-        "the target at all periods, and the mean PGA is at least the target at the period 0 (EN "
-        "1998-1:2004, 3.2.3.1.2).",
-    )
+    range: Grid | None = options.option(needs="--target", type=option_types.span_at(100))
+    rule: str | None = options.option(needs="--target", type=click.Choice(_RULES))
     building: tuple[str, ...] | None = options.option(
         needs="--target",
         type=option_types.ListOf(option_types.FileName()),
         metavar="MODEL.yaml,...",
-        help="Fit the target from 0.2 to 2 times the first natural period of this building; for "
-        "several buildings, from 0.2 times the shortest to 2 times the longest period.",
     )
     max_factor: float | None = options.option(
-        rare=True,
-        type=option_types.Number(0.0, min_open=True),
-        metavar="FACTOR",
-        help="Fail with exit code 5 if a factor exceeds this value; the ground motions are named.",
+        rare=True, type=option_types.Number(0.0, min_open=True), metavar="FACTOR"
     )
-    select: int | None = options.option(
-        needs="--target",
-        type=option_types.Count(1),
-        help="Select this number of ground motions, so that the mean of their scaled spectra fits "
-        "the target; --rule is applied to the selection.",
-    )
+    select: int | None = options.option(needs="--target", type=option_types.Count(1))
     factor_range: tuple[float, float] | None = options.option(
-        needs="--select",
-        type=option_types.span,
-        rare=True,
-        help="Minimum and maximum factor of the selected ground motions (default 0.25:4). Factors "
-        "are clipped to this range, including the common factor of --rule asce7 and ec8. If no "
-        "selection satisfies the rule, the nearest selection is reported (exit code 5).",
+        needs="--select", type=option_types.span, rare=True
     )
-    per_event: int | None = options.option(
-        needs="--select",
-        type=option_types.Count(1),
-        rare=True,
-        help="Maximum number of selected ground motions per event. The event is taken from "
-        "--events, from the header of the file (name, date, origin time), or from the start time "
-        "of the record (within ten minutes). Ground motions of an unknown event are refused.",
-    )
+    per_event: int | None = options.option(needs="--select", type=option_types.Count(1), rare=True)
     events: str | None = options.option(
-        needs="--per-event",
-        type=option_types.FileName(),
-        rare=True,
-        help="CSV file with the event of each record, columns record (file name) and event. One "
-        "row is sufficient for both components of a recording.",
+        needs="--per-event", type=option_types.FileName(), rare=True
     )
-    target_std: str | None = options.option(
-        needs="--select",
-        metavar="0.35|FILE",
-        rare=True,
-        help="Target standard deviation of ln Sa of the selected set, or a CSV file with the "
-        "columns period_s and scatter.",
-    )
+    target_std: str | None = options.option(needs="--select", metavar="0.35|FILE", rare=True)
     to: tuple[str, float] | None = options.option(
-        type=option_types.Written("measure", _measure_value),
-        metavar="MEASURE=VALUE",
-        help="Scale to this intensity: sa=0.6g at the period --at, sa-avg=0.4g (geometric mean, "
-        "0.2 to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, arias=2m/s, cav=9m/s, or a "
-        "measure of a plug-in.",
+        type=option_types.Written("measure", _measure_value), metavar="MEASURE=VALUE"
     )
     at: float | None = options.option(
-        type=option_types.Number(0.0, min_open=True),
-        metavar="SECONDS",
-        help="Period of sa and sa-avg.",
+        type=option_types.Number(0.0, min_open=True), metavar="SECONDS"
     )
-    p695: bool = options.option(
-        rare=True,
-        help="Normalize pairs by their peak ground velocities (FEMA P-695, A.8). With --to sa "
-        "and --at, then scale the set to this median Sa of all components.",
-    )
+    p695: bool = options.option(rare=True)
     pairs: option_types.PairWish | None = study_options.pairs(
         "Scale both horizontal components of a ground motion with one factor, based on this "
         "measure."
@@ -228,10 +172,7 @@ class ScaleRequest(RecordsRequest):
 
 
 _SPECTRA = options.output.option(
-    "--spectra",
-    needs="--target",
-    type=option_types.FileName(written=True),
-    help="Also write the scaled spectra, their mean and the target as CSV to this file.",
+    "--spectra", needs="--target", type=option_types.FileName(written=True)
 )
 
 

@@ -52,12 +52,7 @@ class Request(RecordsRequest):
     building: str
     outputs: Outputs
     ranges: dict[str, tuple[float, float]] = options.option(
-        "--vary",
-        multiple=True,
-        callback=_ranges,
-        metavar="NAME=LOW:HIGH,...",
-        help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, "
-        "mass_factor, or a factor of one story, such as 'story 3.stiffness_factor'.",
+        "--vary", multiple=True, callback=_ranges, metavar="NAME=LOW:HIGH,..."
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt
