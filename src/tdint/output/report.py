@@ -636,10 +636,7 @@ def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = 
         Chapter("Assumptions", ((*_MODAL_ASSUMPTIONS, *MODEL_LIMITS),)),
     ]
     return page(
-        model.name,
-        f"Response spectrum analysis of {model.name}: {target}.",
-        chapters,
-        page_text,
+        model.name, f"Response spectrum analysis of {model.name}: {target}.", chapters, page_text
     )
 
 

@@ -7,11 +7,7 @@ from typing import Any
 
 from tdint.units import STANDARD_GRAVITY, parse_with_unit
 
-_CODES = {
-    "asce7": "ASCE 7",
-    "mcer": "ASCE 7 MCER",
-    "ec8": "EN 1998-1",
-}
+_CODES = {"asce7": "ASCE 7", "mcer": "ASCE 7 MCER", "ec8": "EN 1998-1"}
 """Printed names of the codes. The command line has the keys."""
 
 _MULTI_PERIOD = {

@@ -13,12 +13,7 @@ from tdint.errors import UsageError, write_out_controls
 from tdint.files import write_files
 from tdint.output.presentation import presentations
 from tdint.output.tables.runs import varied_columns
-from tdint.output.tables.table import (
-    Column,
-    Table,
-    describe,
-    parquet,
-)
+from tdint.output.tables.table import Column, Table, describe, parquet
 from tdint.response.runs.energy import ENERGY_TERMS
 from tdint.response.runs.history import ELEMENT_FORCE, History
 from tdint.response.runs.outcome import STORY_QUANTITIES
@@ -133,10 +128,7 @@ def to_xarray(runs: Runs) -> Any:
     """
     xarray = import_optional("xarray", "to_xarray")
     table = to_dict(runs)
-    run_columns = [
-        *RUN_COORDINATES,
-        *(column.name for column in varied_columns(runs.varied)),
-    ]
+    run_columns = [*RUN_COORDINATES, *(column.name for column in varied_columns(runs.varied))]
     coordinates: dict[str, Any] = {name: ("run", table[name]) for name in run_columns}
     coordinates |= {
         "run": np.arange(len(runs.model)),

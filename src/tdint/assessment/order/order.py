@@ -24,13 +24,7 @@ from tdint.methods.step_check import (
     faults_with_yielding,
     integrate_in_python,
 )
-from tdint.model.building import (
-    Building,
-    assemble,
-    element_yield_drifts,
-    force_table,
-    law_columns,
-)
+from tdint.model.building import Building, assemble, element_yield_drifts, force_table, law_columns
 from tdint.model.definition import Force, Model, simple_model
 from tdint.model.law_checks import path_faults
 from tdint.model.story import simple_story

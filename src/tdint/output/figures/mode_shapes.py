@@ -137,10 +137,7 @@ def mode_spectrum_picture(
     if spectrum is not None:
         spectrum_axes = rows[0]
         spectrum_axes.plot(
-            spectrum.periods,
-            units.of(spectrum.psa, "m/s^2"),
-            label=spectrum.label,
-            **line_style(0),
+            spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=spectrum.label, **line_style(0)
         )
         values = units.of(spectrum.at_modes, "m/s^2")
         spectrum_axes.plot(

@@ -596,13 +596,7 @@ def _draw_separate_story(
     bar, in units of the axis.
     """
     axes.barh(
-        index + 1,
-        end,
-        height=1.0,
-        facecolor="none",
-        edgecolor=LIGHT,
-        hatch="////",
-        linewidth=0.0,
+        index + 1, end, height=1.0, facecolor="none", edgecolor=LIGHT, hatch="////", linewidth=0.0
     )
     axes.text(
         0.5 * end,

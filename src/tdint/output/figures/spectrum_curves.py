@@ -162,10 +162,7 @@ def in_median(results: Sequence[Any]) -> list[bool]:
 
 
 def _draw_suite(
-    column: Any,
-    results: Sequence[Any],
-    panels: Sequence[Panel],
-    variants: Sequence[Hashable],
+    column: Any, results: Sequence[Any], panels: Sequence[Panel], variants: Sequence[Hashable]
 ) -> dict[str, Any]:
     """Plot the lines of all results in gray, with median and fractiles of each variant."""
     indices = _positive_periods(results[0].periods)

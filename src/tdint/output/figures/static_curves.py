@@ -310,10 +310,7 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
 
 
 def _draw_profile(
-    axes: Any,
-    result: Pushover,
-    units: OutputUnits,
-    drifts: Sequence[tuple[Array, Any, str, str]],
+    axes: Any, result: Pushover, units: OutputUnits, drifts: Sequence[tuple[Array, Any, str, str]]
 ) -> None:
     """Plot story drifts (m, dashes, color, label) over the stories; drift ratios if the heights of
     all stories are known."""

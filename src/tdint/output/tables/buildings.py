@@ -76,12 +76,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
     """Return the columns of the table of a pushover analysis, with a column for the drift of each
     story. `stories` is the number of stories."""
     return (
-        Column(
-            "step",
-            "1",
-            numbered("base_shear", 0),
-            "load step; 0 is the undeformed state",
-        ),
+        Column("step", "1", numbered("base_shear", 0), "load step; 0 is the undeformed state"),
         Column.named("roof_displacement", "roof displacement relative to the ground", "m"),
         Column.named("roof_drift_ratio", "roof displacement divided by the height of the building"),
         Column.named("base_shear", "base shear: sum of the forces on the floors", "N"),
@@ -166,10 +161,7 @@ OVERVIEW = (
     METHOD_SPEC,
     Column.named("record", "file of the ground motion", TEXT),
 )
-OVERVIEW_WITH_DAMPERS = (
-    *OVERVIEW,
-    *declared("buildings.overview_with_dampers"),
-)
+OVERVIEW_WITH_DAMPERS = (*OVERVIEW, *declared("buildings.overview_with_dampers"))
 """Columns of the overview of models if at least one model has dampers."""
 
 MODE = declared(
@@ -194,11 +186,7 @@ COMPLEX_MODE = declared("buildings.complex_mode")
 """Columns of the modes of a building with dampers (`tdint.model.modes.ComplexModes`)."""
 
 
-COMPARISON_SPECTRA = (
-    FLOOR,
-    PERIOD,
-    *declared("buildings.comparison_spectra"),
-)
+COMPARISON_SPECTRA = (FLOOR, PERIOD, *declared("buildings.comparison_spectra"))
 
 
 def of_event(name: str) -> Column:

@@ -54,10 +54,7 @@ RESULTANT_ERROR = tuple(
 def direction_table(response: Response, table_of: Callable[[Response], Table]) -> Table:
     """Return the table of the stories in both directions and of their resultants; the first column
     is the direction. `table_of` returns the table of a run in one direction."""
-    parts = {
-        **dict(zip(("x", "y"), response.directions, strict=True)),
-        "resultant": response,
-    }
+    parts = {**dict(zip(("x", "y"), response.directions, strict=True)), "resultant": response}
     tables = {name: table_of(part) for name, part in parts.items()}
     # Flexural stories have further columns in the directions only.
     width = len(tables["x"].columns)

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.output.tables.columns import declared
-from tdint.output.tables.table import (
-    TEXT,
-    Cell,
-    Column,
-    Table,
-    describe,
-    error_columns,
-    numbered,
-)
+from tdint.output.tables.table import TEXT, Cell, Column, Table, describe, error_columns, numbered
 from tdint.response.runs.outcome import STORY_QUANTITIES
 
 if TYPE_CHECKING:

@@ -28,10 +28,7 @@ RUNS = (
 )
 """Columns of runs.csv."""
 
-SHOCKS = (
-    *declared("runs.shocks"),
-    *(Column.of_quantity(quantity) for quantity in DEMANDED),
-)
+SHOCKS = (*declared("runs.shocks"), *(Column.of_quantity(quantity) for quantity in DEMANDED))
 """Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
 
 _WITH_ERROR = tuple(Column.of_quantity(quantity) for quantity in RUN_WITH_ERROR)

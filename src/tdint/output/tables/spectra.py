@@ -56,10 +56,7 @@ INFO = (
     *declared("spectra.info-2", notes=lambda info: "; ".join(info.notes)),
 )
 
-MOTION = (
-    *RECORD_COLUMNS,
-    *declared("spectra.motion"),
-)
+MOTION = (*RECORD_COLUMNS, *declared("spectra.motion"))
 """Columns of ground motions after processing and scaling."""
 
 SAMPLES: tuple[Column, ...] = (
@@ -68,10 +65,7 @@ SAMPLES: tuple[Column, ...] = (
 )
 """Columns of a record."""
 
-GROUND = (
-    *SAMPLES,
-    *declared("spectra.ground"),
-)
+GROUND = (*SAMPLES, *declared("spectra.ground"))
 """Columns of an exported ground motion."""
 
 
@@ -317,7 +311,7 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
     added = [_measure_column(name) for name in MEASURES if name not in BUILTIN_MEASURES]
     table = Table.of_results((*INFO[:-1], *added, INFO[-1]), rows)
     return table._replace(
-        rows=[(*row[:-1], "; ".join(texts)) for row, texts in zip(table.rows, listed, strict=True)],
+        rows=[(*row[:-1], "; ".join(texts)) for row, texts in zip(table.rows, listed, strict=True)]
     )
 
 

@@ -194,8 +194,7 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """Return, for each column, the column NAME_error of the estimated errors of its values."""
     return tuple(
         column._replace(
-            name=f"{column.name}_error",
-            meaning=f"estimated absolute error of {column.name}",
+            name=f"{column.name}_error", meaning=f"estimated absolute error of {column.name}"
         )
         for column in columns
     )

@@ -191,8 +191,7 @@ class FieldMotions:
         # The rows are sorted by site. The number of runs at a site is therefore the difference of
         # the cumulative number of runs between its first row and the first row of the next site.
         runs_of_record = np.array(
-            [sum(runs(motion) for motion, _ in motions) for motions in self.motions],
-            dtype=np.int64,
+            [sum(runs(motion) for motion, _ in motions) for motions in self.motions], dtype=np.int64
         )
         cumulative = np.concatenate([[0], np.cumsum(runs_of_record[self.record])])
         return np.asarray(np.diff(cumulative[self.start])[self.site_of], dtype=np.int64)

@@ -51,11 +51,7 @@ EVENT = Column.named("event", "event of a ground motion field", TEXT)
 (LEVEL,) = declared("campaign.level")
 COUNTS = declared("campaign.counts")
 
-PROFILES = (
-    BUILDING_COLUMNS[0],
-    *declared("campaign.profiles"),
-    *COUNTS,
-)
+PROFILES = (BUILDING_COLUMNS[0], *declared("campaign.profiles"), *COUNTS)
 """Columns of profiles.csv."""
 
 PROFILE_ERRORS = error_columns(PROFILES[5:10])

@@ -32,13 +32,7 @@ from tdint.response.runs.batch import Subject, run_batch
 from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import attempt
 from tdint.response.runs.load_case import LoadCase
-from tdint.response.runs.outcome import (
-    NO_STEP,
-    Collapse,
-    EventResponse,
-    FailedRun,
-    Response,
-)
+from tdint.response.runs.outcome import NO_STEP, Collapse, EventResponse, FailedRun, Response
 from tdint.response.runs.run_values import RUN, demand_cells, demand_errors
 from tdint.response.runs.sequence import event_responses, sequence_of
 from tdint.response.runs.settings import RunSettings

@@ -321,12 +321,7 @@ def floor_suite_picture(
     lowest = min(suite.base for suite in suites)
     for suite in suites:
         # Suites with equal keys have a common panel. An unknown scale factor or level is nan.
-        key = (
-            suite.place(lowest),
-            repr(suite.scale),
-            repr(suite.level),
-            suite.damping,
-        )
+        key = (suite.place(lowest), repr(suite.scale), repr(suite.level), suite.damping)
         panels.setdefault(key, []).append(suite)
     shown = list(panels.values())[:_MAX_PANELS]
     columns = min(len(shown), 2)
@@ -345,10 +340,7 @@ def floor_suite_picture(
         first = panel_suites[0]
         level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
         damping = f"{100.0 * first.damping:g} % damping"
-        axes.set_title(
-            ", ".join(filter(None, [first.place(lowest), level, damping])),
-            fontsize=9.0,
-        )
+        axes.set_title(", ".join(filter(None, [first.place(lowest), level, damping])), fontsize=9.0)
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
     _add_common_legend(figure, grid.ravel())

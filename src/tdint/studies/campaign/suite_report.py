@@ -717,12 +717,7 @@ def comparison_parts(
 
 
 def _variants(
-    plan: Plan,
-    store: Store,
-    level: Sequence[Profile],
-    baseline: str | None,
-    *,
-    by_length: bool,
+    plan: Plan, store: Store, level: Sequence[Profile], baseline: str | None, *, by_length: bool
 ) -> list[_Variant]:
     """Return the rows of the buildings at a level; numbers of a building that completes no motion
     are nan."""

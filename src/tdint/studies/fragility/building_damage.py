@@ -218,10 +218,7 @@ class TypeDamage:
     _scatter: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
     def add(
-        self,
-        damage: BuildingDamage,
-        is_at_level: NDArray[np.bool_],
-        motions: NDArray[np.intp],
+        self, damage: BuildingDamage, is_at_level: NDArray[np.bool_], motions: NDArray[np.intp]
     ) -> None:
         """Add the runs of a building at a single level.
 

@@ -92,10 +92,7 @@ DRAWS = declared("fragility.draws")
 (FRAGILITY_TOTAL,) = declared("fragility.fragility_total")
 
 _RISK = declared("fragility.risk")
-RISK = (
-    *_RISK,
-    *declared("fragility.risk-outside"),
-)
+RISK = (*_RISK, *declared("fragility.risk-outside"))
 """Columns of the annual frequency by a hazard curve; frequencies in 1/year."""
 
 RISK_TOTAL = tuple(

@@ -846,11 +846,7 @@ def compare_measures(
 
 
 def line(
-    x: Array,
-    y: Array,
-    characteristics: dict[str, Array],
-    name: str,
-    motion: NDArray[np.intp],
+    x: Array, y: Array, characteristics: dict[str, Array], name: str, motion: NDArray[np.intp]
 ) -> MeasureFit:
     """Fit a line by least squares to logarithms of the intensity measure and of the demand, and
     lines of its residuals over characteristics of the ground motions.

@@ -207,13 +207,7 @@ class CollapseMargin:
 
     @classmethod
     def of(
-        cls,
-        pgv: Array,
-        sa: Array,
-        collapse_factors: Array,
-        design: Acceptance,
-        *,
-        period: float,
+        cls, pgv: Array, sa: Array, collapse_factors: Array, design: Acceptance, *, period: float
     ) -> Self:
         """Return the margin from values of the normalized set.
 

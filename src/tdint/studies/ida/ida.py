@@ -17,12 +17,7 @@ from tdint.ground_motion.axes import PairRecord
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.measures import integrate
-from tdint.ground_motion.reading.suites import (
-    GroundMotion,
-    SuiteMotion,
-    components,
-    suite_motions,
-)
+from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components, suite_motions
 from tdint.ground_motion.record import Record, named_components
 from tdint.methods.catalogue import method_of
 from tdint.model.building import Building

@@ -10,20 +10,12 @@ from matplotlib.figure import Figure
 
 from tdint.fractiles import FRACTIONS
 from tdint.number_parsing import pluralize
-from tdint.output.figures.style import (
-    COLORS,
-    DASHES,
-    changed,
-    motion_name,
-    titled,
-)
+from tdint.output.figures.style import COLORS, DASHES, changed, motion_name, titled
 from tdint.studies.fragility.fragility_function import initial_damage
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, capacity_fractiles, fractile_drifts
 from tdint.studies.motions import scaling_figures
-from tdint.studies.motions.intensity import (
-    MotionIntensity,
-)
+from tdint.studies.motions.intensity import MotionIntensity
 
 # ---- Collapse
 

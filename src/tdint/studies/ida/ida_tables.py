@@ -22,10 +22,7 @@ from tdint.studies.columns import declared
 from tdint.studies.ida import ida_curve
 from tdint.studies.ida.ida import IdaStudy
 
-_RECORD = (
-    *NAMED_RECORD_COLUMNS,
-    *declared("ida.record"),
-)
+_RECORD = (*NAMED_RECORD_COLUMNS, *declared("ida.record"))
 """First columns of the tables of an incremental dynamic analysis."""
 
 
@@ -59,10 +56,7 @@ DAMAGE = Column.named("curve.damage", "drift ratio of the damage by the main sho
 INTENSITIES = ("im", "capacity", "lower", "upper", "p16", "median", "p84")
 """Columns in the unit of the column `unit`."""
 
-CAPACITIES = (
-    *_RECORD,
-    *declared("ida.capacities"),
-)
+CAPACITIES = (*_RECORD, *declared("ida.capacities"))
 
 
 (LIMIT,) = declared("ida.limit")

@@ -8,13 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.output.figures.static_curves import MATCHED, MOTION
-from tdint.output.figures.style import (
-    COLORS,
-    motion_name,
-    plain_logarithmic,
-    record_name,
-    titled,
-)
+from tdint.output.figures.style import COLORS, motion_name, plain_logarithmic, record_name, titled
 from tdint.output.spectrum_text import spectrum_text
 from tdint.studies.motions.matching import Match
 from tdint.units import SI, OutputUnits

@@ -11,10 +11,7 @@ from tdint.studies.columns import declared
 from tdint.studies.motions.scaling import Scaling
 from tdint.system import __version__
 
-FACTORS = (
-    *table.RECORD_COLUMNS,
-    *declared("scale.factors"),
-)
+FACTORS = (*table.RECORD_COLUMNS, *declared("scale.factors"))
 
 SCALED = (
     *declared("scale.scaled"),

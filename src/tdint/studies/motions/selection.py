@@ -252,10 +252,7 @@ def _subset(fitted: Scaling, indices: Sequence[int]) -> Scaling:
 
 
 def _within_limits(
-    fitted: Scaling,
-    rule: str,
-    limits: tuple[float, float],
-    choose: Callable[[Array], list[int]],
+    fitted: Scaling, rule: str, limits: tuple[float, float], choose: Callable[[Array], list[int]]
 ) -> tuple[list[int], Scaling, Array]:
     """Return a selection with factors within the limits after the common factor of a rule (`asce7`
     or `ec8`): the indices of the motions, their final factors, and the factors of all motions
@@ -520,10 +517,7 @@ def _search(
 
 
 def _scores_with_row(
-    deviations: Array,
-    target_scatter: Array | None,
-    events: NDArray[np.int64],
-    max_per_event: int,
+    deviations: Array, target_scatter: Array | None, events: NDArray[np.int64], max_per_event: int
 ) -> Callable[[list[int], int], Array]:
     """Return a function that computes the scores of selections of motions with one additional
     motion (row); a lower score is a better fit to the target.

@@ -17,10 +17,7 @@ from tdint.studies.recordings.compare import Comparison
 from tdint.studies.recordings.fit import Fit, FittedValue
 from tdint.units import SI, OutputUnits
 
-COMPARISON = (
-    FLOOR,
-    *declared("compare.comparison"),
-)
+COMPARISON = (FLOOR, *declared("compare.comparison"))
 
 FITTED = declared("compare.fitted")
 

@@ -19,11 +19,7 @@ from tdint.studies.store.result_store import (
     differences,
     is_empty,
 )
-from tdint.studies.store.schema import (
-    connect,
-    connect_to_read,
-    sqlite_errors_reported,
-)
+from tdint.studies.store.schema import connect, connect_to_read, sqlite_errors_reported
 from tdint.system import __version__
 
 

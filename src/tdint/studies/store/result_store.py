@@ -40,11 +40,7 @@ from tdint.studies.campaign.plan import Plan
 from tdint.studies.fragility.type_states import Damage
 from tdint.studies.motions.pairs import LARGER, PairRule, recording_numbers
 from tdint.studies.store import schema
-from tdint.studies.store.schema import (
-    UntrustedStoreError,
-    sqlite_errors_reported,
-    transaction,
-)
+from tdint.studies.store.schema import UntrustedStoreError, sqlite_errors_reported, transaction
 from tdint.system import __version__
 from tdint.units import SI, OutputUnits, parse_output_units
 
