@@ -96,11 +96,7 @@ class Request(options.record.RecordRequest):
 )
 @options.analysis.plugin
 @options.record.motion_options
-@options.output.to_files(
-    "Write the table to this file instead of standard output, and a .json file next to it.",
-    picture=options.output.PICTURE,
-    in_units=False,
-)
+@options.output.to_files(picture=True, in_units=False)
 @options.of(Request)
 def command(request: Request) -> None:
     """Compare the accuracy and computing time of methods: work-precision diagrams.

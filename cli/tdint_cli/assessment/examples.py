@@ -63,9 +63,7 @@ class Request:
         "--dt", type=ListOf(Number(1e-3, 0.1)), metavar="SECONDS,..."
     )
     reference: str = options.analysis.option(type=click.Choice(["paper", "finer"]), default="paper")
-    output: str | None = options.output.output(
-        "DIR", "Also write the tables and figures to this directory."
-    )
+    output: str | None = options.output.output("DIR")
     picture_format: str = options.output.option(
         "--format", needs="-o", type=click.Choice(["png", "pdf", "svg"]), default="png"
     )

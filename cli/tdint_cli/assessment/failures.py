@@ -28,7 +28,7 @@ def _problems() -> list[str]:
 @options.analysis.plugin
 @method_options.all_methods
 @options.option("--problem", "problems", type=ListOf(Written("name", names=_problems)))
-@options.output.to_files(picture=options.output.PICTURE, in_units=False)
+@options.output.to_files(picture=True, in_units=False)
 def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
     """Run methods on hard problems with known solutions and report failures.
 

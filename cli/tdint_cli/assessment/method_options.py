@@ -12,7 +12,7 @@ from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import method_name, option, plugin
 from tdint_cli.options.option_types import ListOf, Ratio
-from tdint_cli.options.output import PICTURE, Outputs, to_files
+from tdint_cli.options.output import Outputs, to_files
 from tdint_cli.terminal import note
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class OscillatorRequest:
 def oscillator_options(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
     """Declare the options of an `OscillatorRequest`; `names` are the methods plotted by default."""
     damping = option("--damping", type=ListOf(Ratio(0.0)), default=(0.0,))
-    files = to_files(picture=PICTURE, more=[draw_all(names)], in_units=False)
+    files = to_files(picture=True, more=[draw_all(names)], in_units=False)
     return grammar.together(plugin, all_methods, damping, files)
 
 

@@ -41,7 +41,7 @@ _RATIOS = Grid(0.2, 5.0, 15)
     f"from FIRST to LAST, or a single ratio; {_RATIOS} by default.",
 )
 @options.option("--stride", needs="--load record", type=Count(1, 1024), default=1)
-@options.output.to_files(picture=options.output.PICTURE, in_units=False)
+@options.output.to_files(picture=True, in_units=False)
 def command(
     methods: tuple[str, ...],
     load: str,

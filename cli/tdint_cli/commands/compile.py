@@ -47,9 +47,7 @@ class Request:
     method: str | None = options.analysis.method_of("MODEL.yaml")
     show: bool = options.option()
     clean: bool = options.option()
-    output: str | None = options.output.output(
-        "DIR", "Write to this directory, for use with TDINT_KERNELS_DIR."
-    )
+    output: str | None = options.output.output("DIR")
 
 
 @options.command("compile", "tdint compile office.yaml", "tdint compile office.yaml --show")

@@ -49,12 +49,7 @@ _EXPORT = options.output.option("--export", type=FileName(written=True), metavar
     exits={4: "a record cannot be read; the other records are processed"},
 )
 @options.record.record_options
-@options.output.to_files(
-    "Write the table to this file instead of standard output, and a description of the records "
-    "to a JSON file next to it.",
-    picture=options.output.PICTURE,
-    more=[_EXPORT],
-)
+@options.output.to_files(picture=True, more=[_EXPORT])
 @options.of(Request)
 def command(request: Request) -> None:
     """Summarize ground-motion records: sampling, peaks, Arias intensity, duration.

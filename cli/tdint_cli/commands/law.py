@@ -52,7 +52,7 @@ class Request:
     "tdint law office.yaml --drift 2% -o loop.csv --plot",
 )
 @options.analysis.model
-@options.output.to_files(picture=options.output.PICTURE)
+@options.output.to_files(picture=True)
 @options.of(Request)
 def command(request: Request) -> None:
     """Test one story under imposed drift cycles and write its hysteresis loop.

@@ -54,11 +54,7 @@ MODES = (
     "Run a response spectrum analysis and write the peak responses of the stories instead of the "
     "modes"
 )
-@options.output.to_files(
-    picture="Also draw the shapes of the first modes, the peaks of the stories, or the transfer "
-    "functions, to this file (.png, .pdf, .svg), or next to -o.",
-    page=True,
-)
+@options.output.to_files(picture=True, page=True)
 def command(
     model: str, shapes: str | None, transfer: str | None, target: str | None, outputs: Outputs
 ) -> None:

@@ -51,7 +51,7 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
     metavar="C_M",
     rare=True,
 )
-@options.output.to_files(picture=options.output.PICTURE, page=True)
+@options.output.to_files(picture=True, page=True)
 def command(
     model: str,
     pattern: str,

@@ -81,9 +81,7 @@ class Request(BuildingRequest, SuiteRequest):
     dt: float | None = options.analysis.dt
     duration: float | None = options.analysis.duration
     until_rest: bool = options.analysis.until_rest
-    output: str | None = options.output.output(
-        "DIR", f"Write {STORIES} and {SUMMARY} to this directory, which is created if necessary."
-    )
+    output: str | None = options.output.output("DIR")
     history: str | None = options.output.option(
         is_flag=False,
         flag_value=BESIDE,
@@ -96,12 +94,7 @@ class Request(BuildingRequest, SuiteRequest):
         needs="--history", type=Count(1), default=1, rare=True
     )
     export_floors: str | None = options.spectra.export_floors
-    plot: str | None = options.output.plot(
-        "Also draw roof displacement, energies, drifts and the hysteresis loop of the story with "
-        "the largest drift (--history has drifts and shears of all stories); for several records "
-        "the profiles of all records and their mean: to this file (.png, .pdf, .svg), or without a "
-        f"file to {PICTURE} or profiles.png in the directory of -o."
-    )
+    plot: str | None = options.output.plot()
     report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
@@ -114,9 +107,7 @@ class Request(BuildingRequest, SuiteRequest):
     require: bool = REQUIRE
     pair_demand: str | None = options.record.pair_demand()
     allow_unstable: bool = options.analysis.option(rare=True)
-    jobs: int | None = options.output.threads(
-        "Number of threads for several records or scales; one per processor"
-    )
+    jobs: int | None = options.output.threads()
 
     def check_sequence(self) -> None:
         """Raise UsageError if the records or the factors of --sequence are invalid.

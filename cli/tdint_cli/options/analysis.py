@@ -33,10 +33,9 @@ method_name = Written("name", names=_methods)
 damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 
-def damping_of(quantity: str, **settings: Any) -> grammar.Declaration:
-    """Declare the option --damping with a single ratio; `quantity` names the damped quantity."""
-    text = f"Damping ratio of {quantity}; 0.05 (or 5%) by default."
-    return grammar.option("--damping", type=damping_ratio, default=0.05, help=text, **settings)
+def damping_of(**settings: Any) -> grammar.Declaration:
+    """Declare the option --damping with a single ratio."""
+    return grammar.option("--damping", type=damping_ratio, default=0.05, **settings)
 
 
 def _load(

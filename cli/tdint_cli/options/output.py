@@ -33,13 +33,11 @@ option = partial(grammar.option, heading=grammar.OUTPUT)
 SUFFIX = ".png"
 """Default suffix of a figure, for --plot without a file name."""
 
-TABLE = "Write the table to this file instead of standard output."
-
 _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 """Suffixes that are wrong for a table: programs would report the file as corrupt."""
 
 
-def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
+def output(metavar: str = "FILE") -> grammar.Declaration:
     """Declare the option -o of a command.
 
     Parameters
@@ -49,7 +47,7 @@ def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
         file or a directory.
     """
     file_type = FileName(folder=metavar == "DIR", written=True, check=_check_output)
-    return option("-o", "--output", type=file_type, metavar=metavar, help=text)
+    return option("-o", "--output", type=file_type, metavar=metavar)
 
 
 def _check_output(value: str, parameter: click.Parameter) -> str | None:
@@ -119,16 +117,14 @@ def _check_plot(value: str, parameter: click.Parameter) -> str:
     return value
 
 
-def plot(text: str) -> grammar.Declaration:
-    """Declare the option --plot with the help text `text`, followed by --style, which requires
-    --plot."""
+def plot() -> grammar.Declaration:
+    """Declare the option --plot, followed by --style, which requires --plot."""
     return option(
         "--plot",
         is_flag=False,
         flag_value=BESIDE,
         type=FileName(written=True, check=_check_plot),
         metavar="[FILE]",
-        help=text,
         behind=[style_of("--plot")],
     )
 
@@ -159,30 +155,23 @@ def style_of(needs: str) -> grammar.Declaration:
     )
 
 
-PICTURE = (
-    "Also write a figure to this file (.png, .pdf, .svg); by default, the name of -o with .png."
-)
-picture = plot(PICTURE)
+picture = plot()
 units = option("--output-units", type=OutputUnitsType(), rare=True)
 report = option("--report", type=FileName(written=True, check=_check_report), metavar="FILE.html")
 overwrite = option("--overwrite", is_flag=True, recorded=False)
 
 
-def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
+def threads(heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
     """Declare the option --jobs of a command: a number of threads or processes from 1 to 1024.
 
     Parameters
     ----------
-    text : str
-        Start of the help text, which ends with the default number, such as "Number of threads;
-        one per processor". The words "by default" follow.
     heading : str
         Heading above the option in the help of the command; by default the options of the command.
     **settings
         Further keyword arguments of `grammar.option`, such as `default`. Without a default, the
         command receives None.
     """
-    help_text = f"{text} by default. The results do not depend on it."
     return grammar.option(
         "--jobs",
         heading=heading,
@@ -190,12 +179,11 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
         metavar="N",
         rare=True,
         recorded=False,
-        help=help_text,
         **settings,
     )
 
 
-jobs = threads("Number of processes; one", grammar.GENERAL, default=1)
+jobs = threads(grammar.GENERAL, default=1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -316,9 +304,8 @@ class Outputs:
 
 
 def to_files(
-    text: str = TABLE,
     *,
-    picture: str | None = None,
+    picture: bool = False,
     in_units: bool = True,
     page: bool = False,
     more: Sequence[Callable[[Any], Any]] = (),
@@ -329,10 +316,8 @@ def to_files(
 
     Parameters
     ----------
-    text : str
-        The help text of -o.
-    picture : str, optional
-        The help text of --plot; without this text the command has no --plot.
+    picture : bool
+        True if the command has --plot; false by default.
     in_units : bool
         True (the default) if the command has --output-units.
     page : bool
@@ -341,9 +326,9 @@ def to_files(
         Declarations of further options under the heading Output.
     """
 
-    declarations: list[Callable[[Any], Any]] = [output(text=text)]
-    if picture is not None:
-        declarations.append(plot(picture))
+    declarations: list[Callable[[Any], Any]] = [output()]
+    if picture:
+        declarations.append(plot())
     if page:
         declarations.append(report)
     declarations += more

@@ -92,18 +92,13 @@ scale = _factor(type=option_types.ListOf(option_types.Nonzero(), once=False))
 one_scale = _factor(type=option_types.Nonzero(), needs="RECORD")
 
 
-def pair_demand(
-    heading: str = grammar.RECORD, larger: str = "larger (default)", more: str = ""
-) -> grammar.Declaration:
-    """Return the option --pair-demand. `larger` names the treatment with the larger demand, and
-    `more` is the end of the help text."""
+def pair_demand(heading: str = grammar.RECORD) -> grammar.Declaration:
+    """Return the option --pair-demand."""
     return grammar.option(
         "--pair-demand",
         heading=heading,
         rare=True,
         type=click.Choice(("larger", "mean", "separate")),
-        help="Treatment of the two horizontal components of a recording: one ground motion with "
-        f"the {larger} or the mean demand of both, or two separate ground motions.{more}",
     )
 
 

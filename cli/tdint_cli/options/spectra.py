@@ -30,16 +30,8 @@ if TYPE_CHECKING:
 option = partial(grammar.option, heading=grammar.SPECTRUM)
 
 
-_PER_RECORD = output.output(
-    "FILE|DIR",
-    "Write to this file instead of standard output. For a directory (an existing directory, or a "
-    "name with a / at the end), write one file per record. A JSON file next to each table "
-    "describes the records and the computation.",
-)
-_PICTURE = output.plot(
-    "Also plot all records in this file (.png, .pdf, .svg); without a file name, each CSV file of "
-    "-o is plotted as PNG next to it."
-)
+_PER_RECORD = output.output("FILE|DIR")
+_PICTURE = output.plot()
 
 
 def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function], grammar.Function]:

@@ -19,12 +19,8 @@ class CampaignRequest(SuiteRequest):
     arguments: tuple[str, ...] = options.argument(
         "CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName()
     )
-    output: str | None = options.output.output(
-        "DIR",
-        "Directory of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, "
-        "stories.csv, elements.csv.",
-    )
-    jobs: int | None = options.output.threads("Number of threads; one per processor")
+    output: str | None = options.output.output("DIR")
+    jobs: int | None = options.output.threads()
     shard: str | None = options.option(metavar="K/N")
     max_runs: int | None = options.option(type=click.IntRange(1), metavar="N", recorded=False)
     dask: str | None = options.option(metavar="ADDRESS", rare=True, recorded=False)
@@ -38,11 +34,7 @@ class CampaignRequest(SuiteRequest):
         type=FileName(), needs="--geojson", rare=True, metavar="FILE.geojson"
     )
 
-    plot: str | None = options.output.plot(
-        "Also plot drifts, accelerations and shears over the height, for each ground motion and "
-        "over all motions: to this file (.png, .pdf, .svg), by default profiles.png in the "
-        "directory."
-    )
+    plot: str | None = options.output.plot()
     report: str | None = options.output.report
     report_head: tuple[tuple[str, str], ...] | None = options.output.option(
         needs="--report", type=Written("head", parse_head), metavar="TEXT", rare=True

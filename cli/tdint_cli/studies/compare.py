@@ -69,17 +69,12 @@ class Request:
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.option(type=float, metavar="SECONDS", rare=True)
     damping: float = options.analysis.damping_of(
-        "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
+        heading=options.grammar.SPECTRUM, needs="-o or --plot"
     )
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(
         PERIODS, needs="-o or --plot"
     )
-    output: str | None = options.output.output(
-        "DIR|FILE.csv",
-        f"Write {TABLE}, {SPECTRA} and {SUMMARY} to this directory, with --fit also {FIT} and the "
-        f"fitted model {FITTED}; or write the table to this file, and the other files next to it "
-        "with its name as a prefix.",
-    )
+    output: str | None = options.output.output("DIR|FILE.csv")
     plot: str | None = options.output.picture
     report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units

@@ -78,9 +78,7 @@ class Request:
     sufficiency: str | None = options.option(
         needs="--im", type=FileName(), metavar="FILE.csv", rare=True
     )
-    pair_demand: str | None = options.record.pair_demand(
-        options.grammar.OWN, "larger", " The default is the treatment in the study."
-    )
+    pair_demand: str | None = options.record.pair_demand(options.grammar.OWN)
     modeling_dispersion: float = options.option(
         type=Number(0.0, 10.0), default=0.0, metavar="BETA", rare=True
     )
@@ -91,12 +89,7 @@ class Request:
 @options.command(
     "fragility", "tdint fragility stripes.csv", "tdint fragility stripes.csv -o curve.csv --plot"
 )
-@options.output.to_files(
-    picture="Also plot the functions with observations and confidence bands: to this file "
-    "(.png, .pdf, .svg), or without a file name next to -o, with its name.",
-    page=True,
-    more=_OPENQUAKE_OPTIONS,
-)
+@options.output.to_files(picture=True, page=True, more=_OPENQUAKE_OPTIONS)
 @options.of(Request)
 def command(request: Request) -> None:
     """Fit fragility functions: probability of exceedance over intensity.

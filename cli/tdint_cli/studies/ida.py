@@ -87,14 +87,8 @@ class IdaRequest(RecordsRequest):
     model: str
     im: str = study_options.option(type=Written("name", _measure, _measures), default="sa")
     period: float | None = study_options.option(needs="--im sa or sa-avg", type=period)
-    pairs: PairWish | None = study_options.pairs(
-        "Scale the two horizontal components of a ground motion together, to levels of this "
-        "measure of the pair; both components are run."
-    )
-    factors: str | None = study_options.factors(
-        "The records replace RECORD. The analysis scales each record itself and does not use the "
-        "factors."
-    )
+    pairs: PairWish | None = study_options.pairs()
+    factors: str | None = study_options.factors()
     pair_demand: str | None = options.record.pair_demand(options.grammar.INTENSITY)
     damping: float = study_options.damping("--im sa or sa-avg")
     max_im: Units | None = study_options.option(rare=True, type=intensity)
@@ -127,22 +121,12 @@ class IdaRequest(RecordsRequest):
         help=f"Add columns <name>_error with estimated errors to {RUNS}, as in `tdint run "
         "--check`.",
     )
-    output: str | None = options.output.output(
-        "DIR",
-        f"Write {RUNS}, {CAPACITIES}, {FRACTILES} (16, 50 and 84 % of the intensity over the drift "
-        f"ratio) and {SUMMARY} to this directory. If it contains an "
-        "interrupted analysis with the same settings, continue that analysis.",
-    )
-    plot: str | None = options.output.plot(
-        "Also plot all curves with fractiles and capacities: to this file (.png, .pdf, .svg), "
-        "or without a file name to ida.png in the directory of -o."
-    )
+    output: str | None = options.output.output("DIR")
+    plot: str | None = options.output.plot()
     report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
-    jobs: int | None = options.output.threads(
-        "Number of threads; one per processor", options.grammar.GENERAL
-    )
+    jobs: int | None = options.output.threads(options.grammar.GENERAL)
 
     @property
     def picture(self) -> Path | None:

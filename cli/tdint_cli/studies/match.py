@@ -53,11 +53,7 @@ warning, because wavelets of long periods can produce unrealistic displacements.
 class MatchRequest(RecordsRequest):
     """The command line of `tdint match`."""
 
-    output: str | None = options.output.output(
-        "DIR",
-        f"Write {MATCHED} and each matched ground motion, with the name of its record, to this "
-        "directory, which is created if necessary.",
-    )
+    output: str | None = options.output.output("DIR")
     target: str = options.option(required=True, metavar="SPECTRUM")
     range: tuple[float, float] = options.option(type=span, default="0.05:4")
     damping: tuple[float, ...] = options.option(
@@ -66,21 +62,12 @@ class MatchRequest(RecordsRequest):
     format: str = options.option(type=click.Choice(("mseed", "at2", "csv")), default="mseed")
     pairs: PairWish | None = options.option(type=pairs_of((PAIR,)), metavar=f"{PAIR}[,NAMES]")
     suite: str = options.option(type=click.Choice(SUITES), default=SUITES[0])
-    factors: str | None = study_options.factors(
-        "The records replace RECORD. With --suite mean, these factors define the initial "
-        "spectra of the suite. Otherwise they have no effect, because each ground motion is "
-        "first scaled to the target."
-    )
+    factors: str | None = study_options.factors()
     max_misfit: float = options.option(
         type=Ratio(0.0, 1.0, min_open=True), metavar="5%", default="5%"
     )
     require: bool = options.option()
-    plot: str | None = options.output.plot(
-        "Also plot the first ground motion and its scaled seed: spectra from half the shortest "
-        "to twice the longest matched period (for a pair also the spectra of both components), "
-        f"and time histories. Written to this file, or without a file name to {PICTURE} in the "
-        "directory."
-    )
+    plot: str | None = options.output.plot()
     overwrite: bool = options.output.overwrite
 
 

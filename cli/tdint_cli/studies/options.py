@@ -30,20 +30,14 @@ def pair_measure(wish: PairWish | None) -> str:
     return (wish and wish.measure) or PAIRS[0]
 
 
-def pairs(text: str) -> grammar.Declaration:
-    """Declare the option --pairs; `text` describes its effect in the command."""
-    return option(
-        "--pairs",
-        type=pairs_of(PAIRS),
-        metavar=f"{'|'.join(PAIRS)}[,NAMES]",
-        help=f"{text} The file names of a pair differ only in the component, or follow the "
-        "patterns NAMES: '{}_a.txt,{}_b.txt'.",
-    )
+def pairs() -> grammar.Declaration:
+    """Declare the option --pairs."""
+    return option("--pairs", type=pairs_of(PAIRS), metavar=f"{'|'.join(PAIRS)}[,NAMES]")
 
 
 def damping(needs: str) -> grammar.Declaration:
     """Declare the option --damping of Sa; `needs` is the option that it requires."""
-    return damping_of("Sa", heading=grammar.INTENSITY, needs=needs, rare=True)
+    return damping_of(heading=grammar.INTENSITY, needs=needs, rare=True)
 
 
 threshold = partial(
@@ -55,14 +49,9 @@ threshold = partial(
 )
 
 
-def factors(text: str) -> grammar.Declaration:
-    """Declare the option --factors; `text` describes the use of the factors in the command."""
-    return record_option(
-        "--factors",
-        type=FileName(),
-        rare=True,
-        help=f"Read the records from the table that `tdint scale -o` wrote. {text}",
-    )
+def factors() -> grammar.Declaration:
+    """Declare the option --factors."""
+    return record_option("--factors", type=FileName(), rare=True)
 
 
 def read_table_of_factors(

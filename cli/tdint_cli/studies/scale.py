@@ -101,10 +101,7 @@ class ScaleRequest(RecordsRequest):
         type=option_types.Number(0.0, min_open=True), metavar="SECONDS"
     )
     p695: bool = options.option(rare=True)
-    pairs: option_types.PairWish | None = study_options.pairs(
-        "Scale both horizontal components of a ground motion with one factor, based on this "
-        "measure."
-    )
+    pairs: option_types.PairWish | None = study_options.pairs()
     damping: float = study_options.damping("--target or --to sa or sa-avg or --p695 or --plot")
 
     def check(self) -> None:
@@ -184,11 +181,7 @@ _SPECTRA = options.output.option(
 )
 @options.analysis.plugin
 @options.record.plain_record_options
-@options.output.to_files(
-    picture="Also draw the scaled spectra with median, fractiles and target. Written to this file "
-    "(.png, .pdf, .svg), or next to -o with its name.",
-    more=[_SPECTRA],
-)
+@options.output.to_files(picture=True, more=[_SPECTRA])
 @options.of(ScaleRequest)
 def command(request: ScaleRequest) -> None:
     """Select and scale ground motions to an intensity or to a target spectrum.

@@ -86,7 +86,7 @@ MODES = (_MODEL, _CAMPAIGN)
 @options.analysis.plugin
 @click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
 @options.record.optional_plain_record_options
-@options.output.to_files(picture=options.output.PICTURE)
+@options.output.to_files(picture=True)
 @options.of(Request)
 def command(request: Request) -> None:
     """Compute the sensitivity of peak responses to building parameters.
