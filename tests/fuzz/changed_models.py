@@ -44,7 +44,15 @@ _BASES: dict[str, dict[str, Any]] = {
     },
     "flexural": {
         "units": _UNITS,
-        "stories": [{"repeat": 3, "mass": 10, "height": 3, "flexural": {"EI": 1e6, "GA": 1e6}}],
+        "stories": [
+            {
+                "repeat": 3,
+                "mass": 10,
+                "height": 3,
+                "flexural": {"EI": 1e6, "GA": 1e6},
+                "rotary_inertia": 12,
+            }
+        ],
         "base": {"rotation": 1e6, "translation": 1e6},
         "damping": {"rayleigh": {"ratio": 0.05, "modes": [1, 2]}},
     },

@@ -71,8 +71,9 @@ SAME_MOTION = {
     "initial.attachments",
     # fracture: tests/grid/test_fractures.py
     *("stories.law.fracture_drift", "stories.elements.fracture_drift"),
-    # linear models: tests/response/runs/test_matrices.py
+    # linear models: tests/response/runs/test_matrices.py, test_rotary_inertia.py
     *("base", "matrices", "stiffness_matrix", "stories.flexural", "stories.period"),
+    "stories.rotary_inertia",
     # evaluation and output
     *("plausibility", "damage", "limits", "output_units", "report"),
 }

@@ -21,7 +21,7 @@ WORDS = {
         "limits, output_units, report, x, y"
     ),
     "<story keys>": "mass, weight, height, stiffness, period, law, elements, dashpot, isolator, "
-    "rayleigh, p_delta, inertance, flexural, repeat, x, y",
+    "rayleigh, p_delta, inertance, flexural, rotary_inertia, repeat, x, y",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
     "<ratio>": "a number of at least 0 and below 1",
     "<laws>": ", ".join(LAWS),

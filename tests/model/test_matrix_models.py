@@ -57,6 +57,19 @@ def rows(mass=(1.0, 1.0), stiffness=GOOD, **more):
             r"story 2 needs `flexural`",
         ),
         ({"stories": [{"mass": 1, **STIFF}]}, r"height: is missing"),
+        (
+            {"stories": [{**TWO[0], "stiffness": 5, "rotary_inertia": 3}]},
+            r"stories\[1\].rotary_inertia: the floor rotates above a `flexural` story only",
+        ),
+        (frame(stories=[{**TWO[0], "rotary_inertia": 3}, TWO[1]]), r"only; omit it$"),
+        ({"stories": [{**TWO[0], **STIFF, "rotary_inertia": -1}]}, r"must be a positive number, got"),
+        (
+            {
+                "units": {"length": "mm", "force": "kN"},
+                "stories": [{"weight": 1, "height": 3, **STIFF, "rotary_inertia": 3}],
+            },
+            r"rotary_inertia: the unit of mass is required",
+        ),
     ],
 )
 def test_errors(content, message):

@@ -38,7 +38,7 @@ from tdint.model.modes import (
 )
 from tdint.model.story import Story, column_name, is_linear
 from tdint.model.story_laws import CODES, LAWS, Law, of_samples
-from tdint.model.topology import GROUND, incidence, springs_of, store_ends
+from tdint.model.topology import GROUND, extended, incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -78,7 +78,8 @@ class Building:
         Attachments, with columns after the columns of the stories, and links, with columns that
         have no mass and are after the columns of the attachments.
     floors : int
-        Number of floors without attachments.
+        Number of floors without attachments. Rotations of floors with rotary inertia have the
+        columns after the floors.
     stiffens : bool
         True if a story can become stiffer than initially.
     system : LinearSystem | None
@@ -148,6 +149,17 @@ class Building:
         if not self.branched:
             return chain_deformations(self.linear_terms[rows.LINK, :-1])
         return incidence(self.linear_terms, self.masses)
+
+    def initial_values(self, floors: Sequence[float], attachments: Sequence[float]) -> Array:
+        """Return the initial displacements or velocities of all columns: attachments without a
+        value (nan) start with the motion of their floors, rotations with the static rotations."""
+        values = extended(self.linear_terms, floors, attachments)
+        if self.system is not None and not self.branched:
+            turning, stiffness = slice(len(floors), None), self.system.stiffness[len(floors) :]
+            values[turning] = -np.linalg.solve(
+                stiffness[:, turning], stiffness[:, : len(floors)] @ floors
+            )
+        return values
 
     def drifts(self, floors: Array) -> Array:
         """Return the deformations of all springs from the displacements of the floors, or their
@@ -743,15 +755,16 @@ def _assemble_linear(model: Model) -> Building:
     from tdint.model.linear_system import assemble_system
 
     system, vibration = assemble_system(model)
-    n = len(model.stories)
+    n, floors = len(system.mass), len(model.stories)
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
-    linear_terms[rows.MASS, :n] = np.diagonal(system.loaded_mass)
+    linear_terms[rows.MASS, :floors] = np.diagonal(system.loaded_mass)[:floors]
     law_parameters = _linear_laws(system.drift_stiffness)
-    heights = np.array([story.height or math.nan for story in model.stories])
+    heights = np.full(n, math.nan)  # of rotations
+    heights[:floors] = [story.height or math.nan for story in model.stories]
     return Building(
         *(linear_terms, law_parameters, np.zeros((0, n + 1)), heights, np.full(n, math.nan)),
         vibration,
-        floors=n,
+        floors=floors,
         system=system,
     )
 

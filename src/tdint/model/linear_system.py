@@ -6,7 +6,9 @@ mass and inertance follow the other rows statically; the modes contain them. The
 them lag behind (`Lag`).
 
 A flexural story is a Timoshenko segment with constant EI and GA. Each end has a displacement and a
-rotation; rotations, and the displacement of a base on a spring, have no mass and are condensed.
+rotation. Rotations without rotary inertia, and the displacement of a base on a spring, have no mass
+and are condensed. The rotations of floors with rotary inertia are rows after the floors, rad; the
+forces on these rows are moments, and the ground motion does not load them.
 """
 
 from __future__ import annotations
@@ -26,20 +28,21 @@ from tdint.model.story import column_name
 
 @dataclass(frozen=True)
 class Flexure:
-    """Deformations of flexural stories as matrices on the displacements of the floors.
+    """Deformations of n flexural stories as matrices on the displacements of the rows.
 
     Attributes
     ----------
-    moment : ndarray, shape (n, n)
+    moment : ndarray, shape (n, rows)
         Moments at the bottom of the stories, N m.
-    rotation : ndarray, shape (n, n)
+    rotation : ndarray, shape (n, rows)
         Rotations at the top of the stories, rad.
-    shear_drift, bending_drift : ndarray, shape (n, n)
+    shear_drift, bending_drift : ndarray, shape (n, rows)
         Parts of the drifts, m. The third part is the rotation at the bottom times the height.
-    base : ndarray, shape (2, n)
+    base : ndarray, shape (2, rows)
         Rotation (rad) and displacement (m) of the base.
-    levels : ndarray, shape (n,)
-        Heights of the floors above the base, m.
+    levels : ndarray, shape (rows,)
+        Moments about the base of unit forces on the rows: heights of the floors, m, and 1 for
+        rotations.
     """
 
     moment: Array
@@ -96,13 +99,13 @@ class LinearSystem:
         Displacements r of the rows for a unit displacement of the ground.
     deformations : ndarray, shape (n, n)
         Drifts for displacements; the identity for rows that are not floors.
-    cuts : ndarray, shape (n, n)
+    cuts : ndarray, shape (stories, n)
         Sums of the forces on the rows that give the total story shears. For rows that are not
         floors: the forces along the ground motion on a row and the rows after it; only the first is
         reported.
     spring_forces : ndarray, shape (n, n)
-        Restoring forces of the stories for displacements, N/m; for rows that are not floors as
-        `cuts`.
+        Restoring forces of the stories for displacements, N/m, and moments on rotations; for rows
+        that are not floors as `cuts`.
     names : tuple of str
         Names of rows that are not floors, in columns; empty for a building.
     flexure : Flexure | None
@@ -210,13 +213,15 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
     matrices = model.matrices
     assert matrices is not None
     n = len(model.stories)
-    own_mass = np.array([story.mass for story in model.stories])
+    own_mass = [story.mass for story in model.stories]
+    own_mass += [story.rotary_inertia for story in model.stories if story.rotary_inertia]
     mass = np.asarray(matrices.mass) if len(matrices.mass) else np.diag(own_mass)
-    flexure, drifts = None, np.eye(n)
-    cuts = np.triu(np.ones((n, n)))
-    influence = np.array(matrices.influence or (1.0,) * n)
+    flexure, drifts = None, np.eye(len(mass))
+    cuts = np.zeros((n, len(mass)))
+    cuts[:, :n] = np.triu(np.ones((n, n)))
+    influence = np.array(matrices.influence or cuts[0])
     if not model.rows:
-        drifts -= np.eye(n, k=-1)
+        drifts[:n, :n] -= np.eye(n, k=-1)
     else:
         cuts *= influence
     if len(matrices.stiffness):
@@ -225,8 +230,9 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         stiffness, flexure = _stick(model, cuts)
         drifts[0] -= flexure.base[1]
     vibration = MatrixVibration(
-        *(np.diagonal(mass), np.diagonal(stiffness), np.zeros(n)),
+        *(np.diagonal(mass), np.diagonal(stiffness), np.zeros(len(mass))),
         deformations=drifts,
+        roof=n - 1,
         mass_matrix=mass,
         loaded_mass=mass,
         stiffness_matrix=stiffness,
@@ -246,7 +252,7 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
     matrices_of_system = inertia, mass, stiffness, damping
     system = LinearSystem(
         *matrices_of_system,
-        *(influence, drifts, cuts, cuts @ stiffness),
+        *(influence, drifts, cuts, np.vstack([cuts @ stiffness, stiffness[n:]])),
         *(names, flexure, lag),
     )
     return system, vibration
@@ -298,7 +304,7 @@ def _damping(model: Model, mass: Array, stiffness: Array, modes: Modes) -> Array
 
 
 def _stick(model: Model, cuts: Array) -> tuple[Array, Flexure]:
-    """Return the stiffness matrix of flexural stories at the floors, and their `Flexure`.
+    """Return the stiffness matrix of flexural stories at their rows, and their `Flexure`.
 
     The unknowns are the displacements of the floors, the rotations of the floors, and the rotation
     and displacement of the base, which are fixed if their springs are infinite. With phi = 12 EI /
@@ -328,13 +334,15 @@ def _stick(model: Model, cuts: Array) -> tuple[Array, Flexure]:
     # Infinite springs fix the base.
     free = [k for k, spring in zip((2 * n, 2 * n + 1), base, strict=True) if math.isfinite(spring)]
     matrix[free, free] += [spring for spring in base if math.isfinite(spring)]
-    floors, others = np.arange(n), [*range(n, 2 * n), *free]
-    condensed = np.linalg.solve(matrix[np.ix_(others, others)], -matrix[np.ix_(others, floors)])
-    stiffness = matrix[:n, :n] + matrix[np.ix_(floors, others)] @ condensed
+    turning = [n + i for i, story in enumerate(model.stories) if story.rotary_inertia]
+    kept = [*range(n), *turning]
+    others = [*(k for k in range(n, 2 * n) if k not in turning), *free]
+    condensed = np.linalg.solve(matrix[np.ix_(others, others)], -matrix[np.ix_(others, kept)])
+    stiffness = matrix[np.ix_(kept, kept)] + matrix[np.ix_(kept, others)] @ condensed
     stiffness = 0.5 * (stiffness + stiffness.T)
-    motion = np.zeros((2 * n + 2, n))
+    motion = np.zeros((2 * n + 2, len(kept)))
     motion[others] = condensed
-    motion[:n] = np.eye(n)
+    motion[kept] = np.eye(len(kept))
     return stiffness, _flexure(model, motion, cuts @ stiffness, stiffness)
 
 
@@ -343,7 +351,8 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
 
     `motion` contains the displacements and rotations of the floors, then rotation and displacement
     of the base. With the shear Q and the moment M at the top of a story, the bending part of its
-    drift is Q h^3 / (3 EI) + M h^2 / (2 EI), and the shear part Q h / GA.
+    drift is Q h^3 / (3 EI) + M h^2 / (2 EI), and the shear part Q h / GA. A moment on a floor acts
+    in all stories below it.
     """
     n = len(model.stories)
     heights = np.array([story.height for story in model.stories], dtype=float)[:, None]
@@ -353,15 +362,19 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
     bottoms = levels - heights[:, 0]
     # Lever arms of the forces on the floors above the bottom of each story
     arms = np.maximum(levels[None, :] - bottoms[:, None], 0.0)
-    moment = arms @ stiffness
-    top = np.vstack([moment[1:], np.zeros((1, n))])
+    on_floors = np.zeros((n, len(stiffness)))
+    on_floors[[i for i, story in enumerate(model.stories) if story.rotary_inertia]] = stiffness[n:]
+    moment = arms @ stiffness[:n]
+    moment += np.cumsum(on_floors[::-1], axis=0)[::-1]
+    top = on_floors
+    top[:-1] += moment[1:]
     return Flexure(
         moment=moment,
         rotation=motion[n : 2 * n],
         shear_drift=shears * heights / shear,
         bending_drift=shears * heights**3 / (3.0 * bending) + top * heights**2 / (2.0 * bending),
         base=motion[2 * n :],
-        levels=levels,
+        levels=np.append(levels, np.ones(len(stiffness) - n)),
     )
 
 

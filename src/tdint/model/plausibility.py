@@ -227,8 +227,18 @@ def _listed(numbers: Sequence[str]) -> str:
 
 
 def _without_devices(model: Model, building: Building) -> tuple[Model, Building]:
-    """Return the building without attachments and links: usual values refer to stories."""
+    """Return the building without attachments and links, and without the columns of rotations:
+    usual values refer to stories."""
     if not model.devices:
+        columns = [*range(len(model.stories)), -1]
+        if model.matrices is not None and building.stories >= len(columns):
+            building = replace(
+                building,
+                linear_terms=building.linear_terms[:, columns],
+                law_parameters=building.law_parameters[:, columns],
+                heights=building.heights[: len(model.stories)],
+                yield_drift=building.yield_drift[: len(model.stories)],
+            )
         return model, building
     bare = replace(model, attachments=(), links=())
     return bare, assemble(bare)

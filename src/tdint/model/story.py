@@ -124,6 +124,8 @@ class Story:
     inertance : float
         Inertance, kg: force of an inerter over the acceleration of the drift; of an attachment,
         over its acceleration relative to the ground.
+    rotary_inertia : float
+        Rotary inertia of the floor above a flexural story, kg m^2.
     """
 
     mass: float
@@ -139,6 +141,7 @@ class Story:
     p_delta: bool | None = None
     flexural: tuple[float, float] | None = None
     inertance: float = 0.0
+    rotary_inertia: float = 0.0
 
     @cached_property
     def springs(self) -> tuple[Element, ...]:

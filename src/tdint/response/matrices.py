@@ -53,7 +53,8 @@ class SystemMatrices(Described):
     Attributes
     ----------
     names : tuple of str
-        Names of the rows: floor_1, ..., then the attachments; names of rows that are not floors.
+        Names of the rows: floor_1, ..., then the attachments, or rotation_1, ... of the floors with
+        rotary inertia (rad; forces are moments); names of rows that are not floors.
     mass, stiffness, damping : ndarray, shape (n, n)
         M (kg), K with P-delta (N/m), and C (N s/m) with Rayleigh or modal damping and all dashpots
         without a brace.
@@ -124,7 +125,12 @@ def matrices(model: AnyModel) -> SystemMatrices:
     damping, braces = building.linear_damping()
     system = building.system
     floors = (f"floor_{number}" for number in range(1, building.floors + 1))
-    names = (*floors, *(column_name(item.name) for item in building.attachments))
+    turning = (
+        f"rotation_{number}"
+        for number, story in enumerate(model.stories, start=1)
+        if story.rotary_inertia
+    )
+    names = (*floors, *(column_name(item.name) for item in building.attachments), *turning)
     return SystemMatrices(
         names=system.names if system and system.names else names,
         mass=system.mass if system else np.diag(building.mass),

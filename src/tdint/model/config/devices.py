@@ -187,7 +187,7 @@ def _read_device(
     section: Section, unit: ModelUnits, *, has_spring: bool, mass: float = 0.0
 ) -> Story:
     """Return the spring and the dashpot of a device, with an attached mass, kg."""
-    inertance = stories.read_inertance(section, unit)
+    inertance = stories.read_inertia(section, unit)
     stiffness, law = 0.0, LINEAR
     if has_spring:
         inertia = mass + inertance

@@ -28,6 +28,7 @@ OF_STORY = (
     "p_delta",
     "inertance",
     "flexural",
+    "rotary_inertia",
 )
 """Keys of stories that a direction can have."""
 OF_FILE = ("damping", "p_delta", "attachments", "links", "stiffness_matrix", "base", "initial")

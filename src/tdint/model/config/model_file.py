@@ -739,7 +739,8 @@ def _weight_factor(section: Section, unit: ModelUnits) -> float:
 
 def _damping_of(value: Value | None, stories: Sequence[Story], count: int | None) -> Damping:
     """Return the damping of a building; report a tangent stiffness that can be negative."""
-    damping = read_damping(value, count)
+    # Each floor with rotary inertia adds a mode.
+    damping = read_damping(value, count and count + sum(s.rotary_inertia > 0.0 for s in stories))
     if value and isinstance(damping, RayleighRatio | RayleighCoefficients) and damping.tangent:
         # Imported here, because other models are read without modes and arrays.
         from tdint.model.damping import falling_message, falling_spring

@@ -543,6 +543,11 @@ _STORY_KEYS = (
     ),
     INERTANCE,
     Key("flexural", _FLEXURAL, "bending and shear stiffness, instead of `stiffness`"),
+    Key(
+        "rotary_inertia",
+        POSITIVE,
+        "rotary inertia of the floor above a `flexural` story, mass length^2",
+    ),
     Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
 )
 _STORY = Keys(
@@ -574,7 +579,10 @@ def read_stories(
     for entry in entries:
         story, repeat = Story(math.nan, None, math.nan, story_laws.LINEAR, math.nan), None
         if section := entry.section(_STORY):
-            is_linear = has_matrix or entry.peek("flexural") is not None
+            is_flexural = entry.peek("flexural") is not None
+            if not is_flexural and (inertia := entry.peek("rotary_inertia")):
+                inertia.fault("the floor rotates above a `flexural` story only; omit it")
+            is_linear = has_matrix or is_flexural
             read = _read_story_without_spring if is_linear else _read_story
             story, repeat = read(section, unit, p_delta), section.read("repeat", 1)
         # Check the number before the stories are created, because a `repeat` of a billion would
@@ -632,7 +640,7 @@ def _read_story(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
         elements,
         damper_factor,
         story_p_delta,
-        inertance=read_inertance(section, unit),
+        inertance=read_inertia(section, unit),
     )
 
 
@@ -676,6 +684,7 @@ def _read_story_without_spring(section: Section, unit: ModelUnits, p_delta: bool
         story_laws.LINEAR,
         0.0,
         flexural=flexural,
+        rotary_inertia=read_inertia(section, unit, "rotary_inertia", length=2),
     )
 
 
@@ -858,12 +867,15 @@ def read_mass(section: Section, unit: ModelUnits, bounds: Bounds = POSITIVE) -> 
     return section.number("mass", bounds, scale=unit.mass, default=math.nan)
 
 
-def read_inertance(section: Section, unit: ModelUnits) -> float:
-    """Return the inertance of an entry, kg; 0 without the key."""
-    value = section.get("inertance")
+def read_inertia(
+    section: Section, unit: ModelUnits, name: str = "inertance", length: int = 0
+) -> float:
+    """Return the inertance (kg), or another inertia of an entry in kg m^`length`; 0 without the
+    key."""
+    value = section.get(name)
     if value and unit.mass_is_open:
         value.fault("the unit of mass is required: add mass to `units`")
-    return value.number(scale=unit.mass) if value else 0.0
+    return value.number(scale=unit.mass * unit.factor(length=length)) if value else 0.0
 
 
 def read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None, float]:

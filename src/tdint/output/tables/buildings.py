@@ -405,7 +405,8 @@ def mode_table(
     names : sequence of str
         Names of floors and attachments, or rows of a model of matrices, in the names of columns.
     """
-    shapes = zip(names, modes.normalized(norm), strict=True) if norm else ()
+    # Rotations of floors are not shown.
+    shapes = zip(names, modes.normalized(norm)[: len(names)], strict=True) if norm else ()
     scale_text = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
     meaning = f"ordinate of the mode at the floor, {scale_text}"
     shape_columns = [

@@ -663,7 +663,7 @@ class Case(Described):
         if self.building.system is not None and self.building.system.flexure is not None:
             from tdint.response.runs.flexure import flexure_peaks
 
-            flexure = flexure_peaks(space, self.building.stories)
+            flexure = flexure_peaks(space, self.building.floors)
         if self.building.elements:
             from tdint.response.runs.elements import element_peaks
 

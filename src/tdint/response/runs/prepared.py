@@ -38,7 +38,6 @@ from tdint.methods.workspace import (
 from tdint.model.building import Building, assemble, period, variant
 from tdint.model.definition import Model
 from tdint.model.force_arrays import load_arrays
-from tdint.model.topology import extended
 from tdint.response.runs.compiled_steps import (
     LOOP_KERNELS,
     kernels,
@@ -374,8 +373,8 @@ class PreparedBuilding:
         return cls(
             building,
             forces,
-            extended(building.linear_terms, start.displacement, [u for u, _ in start.attachments]),
-            extended(building.linear_terms, start.velocity, [v for _, v in start.attachments]),
+            building.initial_values(start.displacement, [u for u, _ in start.attachments]),
+            building.initial_values(start.velocity, [v for _, v in start.attachments]),
             model.collapse_drift,
             points,
         )

@@ -147,20 +147,23 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     inertia = modes.mass[:, None] * modes.shapes if system is None else system.mass @ modes.shapes
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (inertia * (factor * acceleration)).T
+    floors = slice(building.floors)  # without the rotations of floors
     # A shear is the sum of the forces above, from the roof down.
     peaks = {
-        "drift": building.drifts(displacement),
-        "shear": np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
-        "displacement": displacement,
-        "force": forces,
+        "drift": building.drifts(displacement)[:, floors],
+        "shear": np.cumsum(forces[:, floors][:, ::-1], axis=1)[:, ::-1],
+        "displacement": displacement[:, floors],
+        "force": forces[:, floors],
         # A floor of a matrix can have no mass.
         "acceleration": forces / modes.mass
         if system is None
-        else (modes.shapes * (factor * acceleration)).T,
+        else (modes.shapes * (factor * acceleration)).T[:, floors],
     }
     # The overturning moment at the base of a story is the sum of shear times height over this story
     # and the stories above. Bearings do not contribute, because they have no height.
     contributions = peaks["shear"] * building.height_contributions
+    turning = [i for i, story in enumerate(model.stories) if story.rotary_inertia]
+    contributions[:, turning] += forces[:, building.floors :]
     peaks["moment"] = np.cumsum(contributions[:, ::-1], axis=1)[:, ::-1]
     correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
     srss_names = ("drift", "shear", "displacement")

@@ -210,12 +210,13 @@ class _DynamicStiffness:
         self.floor_damper = terms[rows.FLOOR_DAMPER, :masses]
 
     def response(self, frequency: Array) -> Array:
-        """Return the responses of all floors at frequencies (Hz), shape (k, n)."""
+        """Return the responses of all floors and attachments at frequencies (Hz), shape (k, n)."""
         is_chain = not (self.building.modal.size or self.building.branched)
         solve = self._banded if is_chain else self._dense
         if self.building.system is not None:
             solve = self._of_system
-        return np.array([solve(2.0 * math.pi * value) for value in frequency])
+        shown = self.building.floors + len(self.building.attachments)  # without rotations
+        return np.array([solve(2.0 * math.pi * value)[:shown] for value in frequency])
 
     def _of_system(self, omega: float) -> Array:
         """Return the response of a model of matrices at a circular frequency. A unit displacement

@@ -136,13 +136,14 @@ def digest_of(model: Model, method: str) -> str:
     # The ground motion of the model is not used in a campaign.
     unexcited = replace(model, excitation=Excitation(None, model.excitation.forces))
     # The ratio of a fracture drift only determines variations of the model. Stores of earlier
-    # versions contain digests without inertance and initial attachments.
+    # versions contain digests without inertia of inerters and rotations, and initial attachments.
     content = asdict(
         unexcited,
         dict_factory=lambda items: {
             key: value
             for key, value in items
-            if key != "fracture_ratio" and (key != "inertance" or np.any(value))
+            if key != "fracture_ratio"
+            and (key not in ("inertance", "rotary_inertia") or np.any(value))
         },
     )
     if not content["initial"]["attachments"]:
