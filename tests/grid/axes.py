@@ -530,21 +530,29 @@ value("devices", "yielding link")(
 )
 
 
-@value("devices", "adjacent building")
-def _adjacent_building(case):
+def _adjacent_building(law, stop_stiffness):
     """Add a building of one story beside the highest floor, with stops across the gap on one side:
     half of the mass of the floor, 1.7 times the frequency, 5 % damping."""
-    mass, omega = 0.5 * float(case.mass[-1]), 1.7 * float(case.omega()[0])
-    building = {"name": "neighbor", "floor": "ground", "mass": mass, "stiffness": mass * omega**2}
-    case.model["attachments"] = [{**building, "dashpot": 0.1 * mass * omega}]
-    stop = {
-        "type": "gap",
-        "gap": 0.01,
-        "stop_stiffness": 20.0 * mass * omega**2,
-        "sides": "negative",
-    }
-    link = {"name": "stop", "from": case.n, "to": "neighbor", "law": stop}
-    case.model.setdefault("links", []).append(link)
+
+    def add(case):
+        mass, omega = 0.5 * float(case.mass[-1]), 1.7 * float(case.omega()[0])
+        stiffness = mass * omega**2
+        building = {"name": "neighbor", "floor": "ground", "mass": mass, "stiffness": stiffness}
+        case.model["attachments"] = [{**building, "dashpot": 0.1 * mass * omega}]
+        stop = {
+            "type": law,
+            "gap": 0.01,
+            "stop_stiffness": stop_stiffness * stiffness,
+            "sides": "negative",
+        }
+        link = {"name": "stop", "from": case.n, "to": "neighbor", "law": stop}
+        case.model.setdefault("links", []).append(link)
+
+    return add
+
+
+value("devices", "adjacent building")(_adjacent_building("gap", 20.0))
+value("devices", "contact of hertz")(_adjacent_building("hertz", 200.0))
 
 
 # ---- Ground motion, forces and initial motion
