@@ -77,36 +77,6 @@ def test_bouc_wen(name, interpreted):  # noqa: F811
     assert np.abs(solution.y[2] - (1.0 - a) * k * solution.y[0]).max() > 0.3 * strength
 
 
-@pytest.mark.long
-def test_nine_stories_with_gamma_above_beta(interpreted):  # noqa: F811
-    tdint.load_plugin(RECIPES / "general_bouc_wen.py")
-    mass, k, a, n, strength, dashpot = 2e3, 1e5, 0.1, 1.4, 2e3, 1e3
-    law = {"type": "general-bouc-wen", "force": strength, "hardening": a, "exponent": n}
-    law |= {"beta": 0.2, "gamma": 0.8}
-    story = {"repeat": 9, "mass": mass, "stiffness": k, "dashpot": dashpot, "law": law}
-    model = tdint.load_model({"stories": [story], "plausibility": "off, test"})
-
-    def rate(t, y):
-        u, v = np.diff(y[:18].reshape(2, 9), axis=1, prepend=0.0)
-        z = y[18:]
-        change = (
-            (1.0 - a) * k * v * (1.0 - np.abs(z / strength) ** n * (0.2 * np.sign(v * z) + 0.8))
-        )
-        force = a * k * u + z + dashpot * v
-        return np.concatenate([y[9:18], np.diff(force, append=0.0) / mass - ground(t), change])
-
-    y = solve_ivp(
-        rate, (0.0, 3.0), np.zeros(27), rtol=1e-8, atol=1e-8, max_step=0.01, t_eval=TIME
-    ).y
-    history = tdint.run(
-        model, RECORD, method="newmark-average", dt=0.0025, history=True, check=False
-    ).history
-    peak = np.abs(y[:9]).max()
-    computed = history.displacement[: 4 * TIME.size : 4][: TIME.size]
-    np.testing.assert_allclose(computed, y[:9].T, rtol=0.0, atol=1e-3 * peak)
-    assert np.abs(y[18] - (1.0 - a) * k * y[0]).max() > 0.3 * strength
-
-
 def test_self_centering_oscillator(interpreted):  # noqa: F811
     compare_self_centering_oscillator()
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tdint.model.config import stories
-from tdint.model.config.sections import ModelUnits
+from tdint.model.config.sections import ModelUnits, read_inertia
 from tdint.model.definition import Attachment, Link
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
@@ -187,7 +187,7 @@ def _read_device(
     section: Section, unit: ModelUnits, *, has_spring: bool, mass: float = 0.0
 ) -> Story:
     """Return the spring and the dashpot of a device, with an attached mass, kg."""
-    inertance = stories.read_inertia(section, unit)
+    inertance = read_inertia(section, unit)
     stiffness, law = 0.0, LINEAR
     if has_spring:
         inertia = mass + inertance

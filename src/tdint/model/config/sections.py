@@ -112,6 +112,17 @@ def read_units(section: fields.Section) -> ModelUnits:
     )
 
 
+def read_inertia(
+    section: fields.Section, unit: ModelUnits, name: str = "inertance", length: int = 0
+) -> float:
+    """Return the inertance (kg), or another inertia of an entry in kg m^`length`; 0 without the
+    key."""
+    value = section.get(name)
+    if value and unit.mass_is_open:
+        value.fault("the unit of mass is required: add mass to `units`")
+    return value.number(scale=unit.mass * unit.factor(length=length)) if value else 0.0
+
+
 def read_sample_units(value: fields.Value | None, quantity: str | None = None) -> str | None:
     """Return the units of samples as text; None if they are missing or invalid. Units of another
     quantity than the required are reported and returned.

@@ -15,7 +15,7 @@ from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model import story_laws
 from tdint.model.config.directions import OF_STORY, with_directions
-from tdint.model.config.sections import ModelUnits
+from tdint.model.config.sections import ModelUnits, read_inertia
 from tdint.model.keys.fields import (
     ANY,
     DRIFT_BOUNDS,
@@ -543,11 +543,7 @@ _STORY_KEYS = (
     ),
     INERTANCE,
     Key("flexural", _FLEXURAL, "bending and shear stiffness, instead of `stiffness`"),
-    Key(
-        "rotary_inertia",
-        POSITIVE,
-        "rotary inertia of the floor above a `flexural` story, mass length^2",
-    ),
+    Key("rotary_inertia", POSITIVE, "of the floor above a `flexural` story, mass length^2"),
     Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
 )
 _STORY = Keys(
@@ -865,17 +861,6 @@ def read_mass(section: Section, unit: ModelUnits, bounds: Bounds = POSITIVE) -> 
             f"to `units` ({', '.join(MASS)}), or give the `weight` of the story"
         )
     return section.number("mass", bounds, scale=unit.mass, default=math.nan)
-
-
-def read_inertia(
-    section: Section, unit: ModelUnits, name: str = "inertance", length: int = 0
-) -> float:
-    """Return the inertance (kg), or another inertia of an entry in kg m^`length`; 0 without the
-    key."""
-    value = section.get(name)
-    if value and unit.mass_is_open:
-        value.fault("the unit of mass is required: add mass to `units`")
-    return value.number(scale=unit.mass * unit.factor(length=length)) if value else 0.0
 
 
 def read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None, float]:
