@@ -630,7 +630,7 @@ def test_process_started_after_stop_is_killed(monkeypatch):
     """The thread has taken the compilation from the list, but not yet started its process."""
     start_instead(monkeypatch, "import time; time.sleep(60)")
     (compilation,) = process_module.compilations([(scaled, ANY, "linux-aarch64")])
-    work = process_module._Work([], SimpleQueue(), set(), Event())
+    work = process_module._Work([], SimpleQueue(), set(), [], Event())
     work.stopped.set()
     with process_module._process(compilation, work) as (process, _):
         assert process.wait(30) != 0

@@ -166,7 +166,7 @@ def test_interpreted_law_is_not_in_the_table_of_laws(monkeypatch):
     law.interpret(ANY, lambda function: function)
     assert not law.loaded(ANY)
     needed = []
-    monkeypatch.setattr(load_or_compile, "_load_missing", lambda items, _: needed.extend(items))
+    monkeypatch.setattr(load_or_compile, "load_missing", lambda items, _: needed.extend(items))
     loop = Kernel(lambda: 0.0, F8(), has_forms=True, vectorized=False)
     loop.interpret(FULL, lambda function: function)
     load_or_compile.load_or_compile([(loop, Variant(FULL, (law,)))])

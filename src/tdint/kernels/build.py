@@ -14,6 +14,7 @@ from __future__ import annotations
 import gc
 import importlib
 import importlib.util
+import inspect
 import itertools
 import json
 import os
@@ -154,12 +155,45 @@ def _take_shortcuts() -> None:
             optimize(self)
 
     codegen.CPUCodeLibrary._optimize_final_module = optimize_called
-    # No code is executed in this process.
-    codegen.JitEngine.finalize_object = lambda self: None
+    # No code is executed in this process, and modules are not registered for their execution.
+    codegen.CPUCodeLibrary._finalize_final_module = lambda self: setattr(self, "_finalized", True)
     codegen.JITCPUCodegen.set_env = lambda *_: None
-    # Most objects that numba creates remain in use.
-    gc.freeze()
-    gc.set_threshold(200_000, 20, 100)
+    _omit_passes()
+    # Most objects that numba creates remain in use until the process ends.
+    gc.disable()
+
+
+def _omit_passes() -> None:
+    """Let numba execute its passes without events, time measurements, repeated tests and the
+    lifetimes of variables after each pass, of which only the last ones are used."""
+    import llvmlite.binding as llvm
+    from numba.core import compiler, compiler_machinery, postproc, transforms
+
+    unfinished = compiler.StateDict(func_ir=None, flags=compiler.Flags())
+    passes = compiler.DefaultPassBuilder.define_nopython_pipeline(unfinished)
+
+    def run_pass(self: Any, _: int, executed: Any, state: Any) -> None:
+        """Execute a pass; replaces `_runPass` of the pass manager (`self`)."""
+        executed.analysis = self._analysis
+        # Most functions contain no function that could be copied into them.
+        is_needed = executed.name() != "inline_closure_likes" or any(
+            map(inspect.iscode, state.func_id.code.co_consts)
+        )
+        if is_needed and executed.run_pass(state):
+            postproc.PostProcessor(state.func_ir).run()
+
+    def order_blocks(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
+        """Order the blocks of a function, and mark the ends of the lifetimes of its variables if
+        `emit_dels` is true; replaces `run` of the post-processor (`self`)."""
+        self.func_ir.blocks = transforms.canonicalize_cfg(self.func_ir.blocks)
+        if emit_dels:
+            self.func_ir.variable_lifetime = postproc.VariableLifetime(self.func_ir.blocks)
+            self._insert_var_dels(extend_lifetimes)
+
+    compiler.DefaultPassBuilder.define_nopython_pipeline = lambda state: passes
+    compiler_machinery.PassManager._runPass = run_pass
+    postproc.PostProcessor.run = order_blocks
+    llvm.ffi.lib._lock._cblist.clear()  # events of a lock that no other thread uses
 
 
 def _module(name: str, file: str) -> Any:

@@ -8,7 +8,7 @@ import sys
 
 from tdint.kernels.building import store
 from tdint.kernels.building.compilable import Compilable
-from tdint.kernels.building.load_or_compile import BACKGROUND_LOCK, load_or_compile_objects
+from tdint.kernels.building.load_or_compile import BACKGROUND_LOCK, load_missing
 from tdint.kernels.laws.compiled import compiled_laws
 from tdint.system import lock
 
@@ -27,7 +27,7 @@ def compile_in_background() -> None:
     with (folder / BACKGROUND_LOCK).open("a") as stream:
         if lock(stream.fileno()):
             for group in json.loads(sys.argv[1]):
-                load_or_compile_objects([(_found(key), form) for key, form in group])
+                load_missing([(_found(key), form) for key, form in group])
 
 
 def _found(key: str | float) -> Compilable:

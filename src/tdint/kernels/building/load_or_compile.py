@@ -26,6 +26,7 @@ import numpy as np
 
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.kernels.building.compilable import (
+    ANY,
     FULL,
     LAW_PREFIX,
     PLAIN,
@@ -40,10 +41,8 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger("tdint")
 
-_SECONDS = {PLAIN: 6.0, FULL: 15.0}
-"""Approximate compile time of a kernel in a form, s."""
-_OTHER_SECONDS = 3.0
-"""Approximate compile time of a law, or of a kernel with a single form, s."""
+_SECONDS = {PLAIN: 4.0, FULL: 10.0, ANY: 3.0}
+"""Approximate compile time of a kernel or law by its form, s."""
 
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -79,7 +78,7 @@ def load_or_compile(
     if all(kernel.loaded(form) for kernel, form in needed):
         return
     with _ONE_AT_A_TIME:
-        _load_missing(needed, progress)
+        load_missing(needed, progress)
 
 
 def _is_interpreted(kernel: Compilable, variant: Variant) -> bool:
@@ -96,15 +95,15 @@ def required(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilab
     return list(result)
 
 
-def _load_missing(
+def load_missing(
     needed: Sequence[tuple[Compilable, str]],
-    progress: Callable[[float], None],
+    progress: Callable[[float], None] = lambda done: None,
 ) -> None:
     """Load the kernels and laws that are not loaded, and compile those without an object file
     (`load_or_compile`).
 
-    The caller owns the lock `_ONE_AT_A_TIME`. The environment variable TDINT_KERNELS has these
-    values:
+    The caller owns the lock `_ONE_AT_A_TIME`, or is the only thread. The environment variable
+    TDINT_KERNELS has these values:
 
         python     the kernels are installed as Python functions, without compilation
         compile    set by tdint in the processes that compile kernels, not by users
@@ -224,7 +223,7 @@ def duration(requested: Sequence[tuple[Compilable, str]]) -> int:
     It is the larger of the time of the slowest kernel and the sum over all kernels divided by the
     number of processors.
     """
-    durations = [_SECONDS.get(form, _OTHER_SECONDS) for _, form in requested]
+    durations = [_SECONDS[form] for _, form in requested]
     return round(max(max(durations), sum(durations) / processors()))
 
 
@@ -402,12 +401,6 @@ def _start_compilation(groups: Sequence[Sequence[tuple[Compilable, str]]], folde
             )
 
 
-def load_or_compile_objects(items: Sequence[tuple[Compilable, str]]) -> None:
-    """Load kernels and laws, each in a form, and compile those without an object file."""
-    with _ONE_AT_A_TIME:
-        _load_missing(items, lambda done: None)
-
-
 def as_views(function: Callable[..., Any], form: str) -> Callable[..., Any]:
     """Return a Python function of a kernel that accesses its arrays through memory views, in a
     form.
@@ -500,9 +493,6 @@ def compile_ahead(
         if not store.has(kernel.name, form, named(target), folder)
     ]
     written: list[Path] = []
-    if folder is not None:
-        with suppress(OSError):  # the error is reported when a file is saved
-            folder.mkdir(parents=True, exist_ok=True)
     for kernel, form, target, data in _objects(requested):
         try:
             path = store.save(data, kernel.name, form, target, folder)

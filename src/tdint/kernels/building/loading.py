@@ -9,6 +9,7 @@ import ctypes
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -25,7 +26,6 @@ from tdint.kernels.building.compilable import (
 from tdint.kernels.building.target import machine
 
 _FORMAT = "tdint object 3"
-_MAX_DESCRIPTION = 4096  # bytes; the descriptions of tdint have a few hundred
 # C type and Python type of each number type of a signature
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
 
@@ -50,15 +50,12 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
 
     Raises
     ------
-    ValueError
-        The data have a different format, are truncated or corrupt. A search for compiled kernels
-        treats such a file as missing, so that the kernel is compiled again; the message is not
-        printed.
+    ValueError, RecursionError
+        The data have a different format, are truncated or corrupt, or a text that is nested too
+        deeply for the JSON parser. A search for compiled kernels treats such a file as missing, so
+        that the kernel is compiled again; the message is not printed.
     """
     first_line, _, code = data.partition(b"\n")
-    # A deeply nested text would exhaust the stack of the JSON parser.
-    if len(first_line) > _MAX_DESCRIPTION:
-        raise ValueError("the data are not an object file compiled by tdint: no description")
     description = json.loads(first_line)
     if not isinstance(description, dict) or description.get("format") != _FORMAT:
         raise ValueError("the data are not an object file compiled by tdint: other format")
@@ -81,12 +78,10 @@ _LAWS = (ctypes.c_int64 * (2 * _MAX_LAWS * (len(HOOKS) + 1)))()
 """Table of laws (`tdint.kernels.building.compilable.LAWS_SYMBOL`)."""
 llvm.add_symbol(LAWS_SYMBOL, ctypes.addressof(_LAWS))
 
-_LAW_ENGINES: dict[int, Any] = {}
-"""Engines that own the memory of the laws in the table, by row."""
 
-
-def load_law(code: float, data: bytes, properties: int) -> None:
-    """Load the object file of a law, and write its functions to the table of laws.
+def load_law(code: float, data: bytes, properties: int) -> Any:
+    """Load the object file of a law, and write its functions to the table of laws; return the
+    engine that owns their memory.
 
     Raises
     ------
@@ -102,7 +97,7 @@ def load_law(code: float, data: bytes, properties: int) -> None:
     if row >= 2 * _MAX_LAWS:
         raise ValueError(f"more than {_MAX_LAWS} laws are registered")
     _LAWS[row * width : (row + 1) * width] = [*addresses, properties]
-    _LAW_ENGINES[row] = engine
+    return engine
 
 
 def _engine(code: bytes) -> Any:
@@ -162,10 +157,7 @@ class Loaded:
         returns an error code.
         """
         first_count = len(self._converters) - len(last)
-        flat: list[Any] = []  # arguments of the C function
-        for (_, convert), argument in zip(self._converters[first_count:], last, strict=True):
-            convert(argument, flat)
-        last_types = [c_type for types, _ in self._converters[first_count:] for c_type in types]
+        converted = zip(self._converters[first_count:], last, strict=True)
         numbers: list[Any] = []
         for argument in self._arguments[:first_count]:
             assert isinstance(argument, Scalar)
@@ -177,7 +169,7 @@ class Loaded:
             ctypes.byref(result),
             ctypes.byref(exception),
             *(number for number, _ in numbers),
-            *(c_type.from_param(part) for c_type, part in zip(last_types, flat, strict=True)),
+            *(part for convert, argument in converted for part in convert(argument)),
         )
         # In the calling convention of numba, the result is an error code (0 without an error). The
         # first two arguments are the addresses for the result of the kernel and for a description
@@ -196,67 +188,50 @@ class Loaded:
         return call
 
 
-_Converter = tuple[list[Any], Callable[[Any, list[Any]], None]]
-
-
-def _converters(arguments: Sequence[Argument]) -> list[_Converter]:
-    """Return for each argument of a kernel the C types of its parts, and a function (value, flat)
-    that appends the parts to the list `flat`.
+def _converters(arguments: Sequence[Argument]) -> list[Callable[[Any], list[Any]]]:
+    """Return for each argument of a kernel a function that returns the parts of its value as
+    arguments of a C function.
 
     In the calling convention of numba, an array is passed as several numbers and addresses, its
     parts. A kernel is passed by its address.
     """
-    converters: list[_Converter] = []
-    for argument in arguments:
+    converters: list[Callable[[Any], list[Any]]] = []
+    for position, argument in enumerate(arguments, start=1):
         match argument:
             case ArrayOf(dimensions):
-                # Meminfo, parent, number of items, bytes per item, address of the data, and one
-                # number per dimension for the shape and for the strides
-                types = [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
-                types += [ctypes.c_int64] * (2 * dimensions)
-                converters.append((types, _table(dimensions, len(converters) + 1)))
+                converters.append(partial(_parts, dimensions, position))
             case Scalar(name):
-                c_type, python_type = _NUMBERS[name]
-                converters.append(([c_type], _number(python_type)))
+                converters.append(partial(_number, *_NUMBERS[name]))
             case Signature():
-                converters.append(
-                    ([ctypes.c_int64], lambda kernel, flat: flat.append(kernel.address))
-                )
+                converters.append(lambda kernel: [ctypes.c_int64.from_param(kernel.address)])
     return converters
 
 
-def _table(dimensions: int, position: int) -> Callable[[Any, list[Any]], None]:
-    """Return a function (array, flat) that appends the parts of an array argument that numba
-    expects to the list `flat`.
+def _number(c_type: Any, python_type: Any, value: Any) -> list[Any]:
+    """Return a number, converted to its Python type, as an argument of a C function."""
+    return [c_type.from_param(python_type(value))]
+
+
+def _parts(dimensions: int, position: int, array: Any) -> list[Any]:
+    """Return the parts of an array argument that numba expects: meminfo, parent, number of items,
+    bytes per item, address of the data, and one number per dimension for the shape and for the
+    strides.
 
     `position` is the number of the argument in messages, counted from 1.
+
+    Raises TypeError if the array is not a writable array of float64 in C order with the number of
+    dimensions of the signature.
     """
-    number = np.dtype(np.float64)
-
-    def append_parts(array: Any, flat: list[Any]) -> None:
-        """Append the parts of an array to the list `flat`.
-
-        Raises TypeError if the array is not a writable array of float64 in C order with the number
-        of dimensions of the signature.
-        """
-        if array.dtype != number or array.ndim != dimensions or not array.flags.carray:
-            access = "a writable" if array.flags.writeable else "a read-only"
-            order = "in C order" if array.flags.c_contiguous else "not in C order"
-            raise TypeError(
-                f"argument {position} must be a writable array of float64 in C order with "
-                f"{dimensions} dimensions, got {access} array of {array.dtype} {order} with "
-                f"{array.ndim} dimensions; np.array(values, dtype=np.float64, order='C') is one"
-            )
-        # An empty array has no buffer. The first two parts, meminfo and parent, are not used.
-        data = ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else None
-        flat += (None, None, array.size, 8, data, *array.shape, *array.strides)
-
-    return append_parts
-
-
-def _number(convert: Callable[[Any], Any]) -> Callable[[Any, list[Any]], None]:
-    """Return a function that converts a number argument to the type that numba expects.
-
-    The function (value, flat) appends `convert(value)` to the list `flat`.
-    """
-    return lambda value, flat: flat.append(convert(value))
+    if array.dtype != np.float64 or array.ndim != dimensions or not array.flags.carray:
+        access = "a writable" if array.flags.writeable else "a read-only"
+        order = "in C order" if array.flags.c_contiguous else "not in C order"
+        raise TypeError(
+            f"argument {position} must be a writable array of float64 in C order with "
+            f"{dimensions} dimensions, got {access} array of {array.dtype} {order} with "
+            f"{array.ndim} dimensions; np.array(values, dtype=np.float64, order='C') is one"
+        )
+    # An empty array has no buffer. The first two parts, meminfo and parent, are not used.
+    data = ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else None
+    address, integer = ctypes.c_void_p.from_param, ctypes.c_int64.from_param
+    lengths = map(integer, (*array.shape, *array.strides))
+    return [address(None), address(None), integer(array.size), integer(8), address(data), *lengths]

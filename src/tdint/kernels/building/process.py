@@ -19,7 +19,7 @@ from threading import Event
 from typing import IO, Any, NamedTuple
 
 from tdint.errors import AnalysisError
-from tdint.kernels.building.compilable import ANY, FULL, Compilable
+from tdint.kernels.building.compilable import Compilable
 from tdint.kernels.building.sources import closure, size
 from tdint.kernels.building.target import Target, named, native
 from tdint.system import processors, unnamed_file
@@ -61,7 +61,7 @@ class Compilation:
         # does not depend on the processor.
         cpu, features = next(iter(self.targets.values())).optimized_for
         return {
-            "TDINT_KERNELS_FORM": FULL if self.form == ANY else self.form,
+            "TDINT_KERNELS_FORM": self.form,
             "TDINT_KERNELS_TARGETS": ",".join(self.targets),
             "NUMBA_CPU_NAME": cpu,
             "NUMBA_CPU_FEATURES": features,
@@ -110,12 +110,10 @@ class Compilation:
         lines_after = text[-1:]
         if failures:
             lines_after = [line.strip() for line in text[failures[-1] + 1 :] if line.strip()]
-        if not lines_after:
+        if not lines_after or not lines_after[0]:
             return ""
         # A line that ends with a colon is continued by the next line.
         message = " ".join(lines_after[: 2 if lines_after[0].endswith(":") else 1])
-        if not message:
-            return ""
         external = self.request[2]
         files = [Path(external)] if external else []
         files += [file for file in closure(self.kernel.name).values() if file not in files]
@@ -136,10 +134,8 @@ class Compilation:
             ]
             # Paths are compared, because the text of a name can differ: `__file__` of a module can
             # contain `/./` or `//`, which a path omits.
-            external_positions = [item for item in positions if external and item[0] == files[0]]
-            position = next(
-                (f"{file}:{line}" for file, line in [*external_positions, *positions]), ""
-            )
+            positions.sort(key=lambda item: not external or item[0] != files[0])
+            position = next((f"{file}:{line}" for file, line in positions), "")
         # Case 3
         if not position and external and str(files[0]) not in message:
             position = str(files[0])
@@ -196,7 +192,7 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     # The longest estimated time is first: a long compilation that starts last would delay the end,
     # while the other processes are idle.
     waiting = sorted(compilations, key=lambda item: size(item.kernel.name), reverse=True)
-    work = _Work(waiting, SimpleQueue(), set(), Event())
+    work = _Work(waiting, SimpleQueue(), set(), [], Event())
     count = min(processors(), len(waiting))
     with ThreadPoolExecutor(max(count, 1)) as pool:
         try:
@@ -222,6 +218,8 @@ class _Work(NamedTuple):
         Completed compilations, each with its object files, or the exception that ended one.
     running : set of Popen
         Processes that have not ended.
+    started : list
+        Settings of all processes.
     stopped : Event
         Is set when no further process may start.
     """
@@ -229,6 +227,7 @@ class _Work(NamedTuple):
     waiting: list[Compilation]
     done: SimpleQueue[tuple[Compilation, list[bytes]] | BaseException]
     running: set[subprocess.Popen[bytes]]
+    started: list[Mapping[str, str]]
     stopped: Event
 
 
@@ -251,11 +250,17 @@ def _compile_waiting(work: _Work) -> None:
 
 def _next(work: _Work, settings: Mapping[str, str] | None = None) -> Compilation | None:
     """Remove and return the first waiting compilation, with equal settings if any are given; None
-    if there is none, or if no compilation may start."""
-    for compilation in [] if work.stopped.is_set() else [*work.waiting]:
+    if there is none, or if no compilation may start.
+
+    Without settings, those that no process has are first: two processes with the same settings
+    would both compile the code that kernels share.
+    """
+    waiting = [] if work.stopped.is_set() else [*work.waiting]
+    for compilation in sorted(waiting, key=lambda item: item.settings in work.started):
         if settings in (None, compilation.settings):
             with suppress(ValueError):  # another thread has taken it
                 work.waiting.remove(compilation)
+                work.started.append(compilation.settings)
                 return compilation
     return None
 

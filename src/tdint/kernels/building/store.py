@@ -150,7 +150,7 @@ def _find_in(
                 if check and not is_trusted(file, _PACKAGE.stat().st_uid):
                     continue
                 code, description = unpack(stream.read())
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):
             continue
         # Files that are not used for a month are removed; the modification time is updated at most
         # once a day.
@@ -209,13 +209,9 @@ def clean() -> int:
     homes = [_PACKAGE / "kernels" / "__pycache__", *filter(None, [cache_home()])]
     stores = (store for root in homes for store in root.glob("kernels-*"))
     folders = [store for store in stores if store.is_dir() and not store.is_symlink()]
-
-    def object_files() -> set[Path]:
-        """Return the paths of the object files that exist."""
-        return {file for directory in folders for file in directory.glob("*.object")}
-
-    found = object_files()
+    removed = 0
     for path in (path for directory in folders for path in directory.iterdir()):
+        # Files of another user remain, or on Windows files that a process has opened.
         with suppress(OSError):
             if path.name.startswith(LOCK_PREFIX):
                 _remove_lock(path)
@@ -223,11 +219,11 @@ def clean() -> int:
                 shutil.rmtree(path, ignore_errors=True)
             else:
                 path.unlink()
+                removed += path.suffix == ".object"
     for directory in folders:
         with suppress(OSError):  # files remain in the directory
             directory.rmdir()
-    # Files can remain, for example of another user, or on Windows files that a process has opened.
-    return len(found - object_files())
+    return removed
 
 
 def _remove_lock(file: Path) -> None:

@@ -46,7 +46,7 @@ class CompiledLaw(Compilable):
         """Load the functions of the law, and write their addresses to the table of laws."""
         from tdint.kernels.building.loading import load_law
 
-        load_law(self.code, code, description["properties"])
+        self._engine = load_law(self.code, code, description["properties"])
         _IN_TABLE[self.code] = self
 
     def interpret(self, form: str, wrap: Callable[[Callable[..., Any]], Any]) -> None:
