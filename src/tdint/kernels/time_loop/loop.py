@@ -271,7 +271,7 @@ def integrate(
             # The lines of the tables of forces change the accelerations at the start.
             is_kinked = (
                 FULL
-                and points.size > 0
+                and points.shape[0] > 0
                 and start_step(scene, points, substep_fraction * h, load, shifts, memory, seen)
             )
             code = take_step(step, coefficients, scene, substep_fraction * h, load, memory)
