@@ -7,6 +7,7 @@ from scipy.interpolate import BPoly
 
 from tdint.kernels import layout as rows
 from tdint.kernels import peaks_between_steps as peaks
+from tdint.kernels import peaks_in_parts as parts
 from tdint.kernels import step_interpolant as interpolant
 from tdint.kernels.stepping import Ends, Passage, Scene, Span
 
@@ -480,3 +481,62 @@ def test_motions_of_floors_and_stories_and_sums_above():
         expected = link * np.array(floors[2]) + 2.5 * np.array(floors[1])
         assert sums == pytest.approx(expected, rel=1e-12)
         assert mass == link * 3.0 + 2.5
+
+
+# ---- Parts of a kinked step: the interpolant of the step plus a deviation
+
+PARTS = [(0.0, 0.4), (0.3, 0.7), (0.6, 1.0)]
+X = np.linspace(0.0, 1.0, 20_001)
+NUMBERS = np.random.default_rng(14).normal(size=(100, 4))
+
+
+def recorded(function, *arguments):
+    """Return the largest peak that a function records for the first floor."""
+    table = np.zeros((2 * rows.PEAK_ROWS, 1))
+    function(span(), *arguments, table, rows.PEAK_VELOCITY, 0)
+    return table.max()
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_velocity_in_a_part_of_a_step(part):
+    """The largest velocity in a part is that of a dense sample, at its end or an extremum."""
+    s_0, length = part[0], part[1] - part[0]
+    s = s_0 + length * X
+    for ends, deviation in zip(random_ends(11), NUMBERS[:, :3], strict=True):
+        v, (d_0, d_1) = deviation[0] / H, deviation[1:] / H**2
+        bulge, tilt = interpolant.bulge_and_tilt(H, ends)
+        tilt *= interpolant.tilt_weight(bulge, tilt)
+        hermite = BPoly.from_derivatives([0, 1], [[ends.v0, H * ends.a0], [ends.v1, H * ends.a1]])
+        velocity = hermite(s) + 0.5 * H * tilt * s**2 * (1.0 - s) ** 2
+        velocity += v + H * length * (d_0 * X + 0.5 * (d_1 - d_0) * X**2)
+        deviations = (v, v + 0.5 * H * length * (d_0 + d_1), d_0, d_1)
+        rises, rises_at_end = velocity[1] > velocity[0], velocity[-1] > velocity[-2]
+        expected = abs(velocity[-1]) if part[1] < 1.0 else 0.0
+        if rises != rises_at_end:
+            expected = max(expected, abs(velocity.max() if rises else velocity.min()))
+        found = recorded(parts._raise_velocity_in_part, ends, part, deviations)
+        assert found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_absolute_acceleration_in_a_part_of_a_step(part):
+    """The largest acceleration in a part is that of a dense sample of the cubic and a parabola."""
+    s = part[0] + (part[1] - part[0]) * X
+    for ends, numbers in zip(random_ends(13), NUMBERS, strict=True):
+        first, last, part_bulge, damping = (float(number) for number in numbers / H**2)
+        bulge, tilt = interpolant.bulge_and_tilt(H, ends)
+        weight = interpolant.tilt_weight(bulge, tilt)
+        bulge, tilt = weight * bulge + (1.0 - weight) * damping, weight * tilt
+        values = ends.a0 + (ends.a1 - ends.a0) * s + bulge * s * (1.0 - s)
+        values += tilt * s * (1.0 - s) * (1.0 - 2.0 * s)
+        values += first + (last - first) * X + part_bulge * X * (1.0 - X)
+        quantity = ends, 0.0, (0.0, 0.0, 0.0, 0.0)
+        found = recorded(
+            parts._raise_absolute_peak_in_part,
+            *(quantity, part, (first, last, part_bulge, damping)),
+        )
+        scale = abs(ends.a0) + abs(ends.a1) + abs(first) + abs(last)
+        if interpolant.is_near_line(bulge, tilt, scale):
+            assert found == pytest.approx(np.abs(values).max(), rel=1e-6)
+        else:
+            assert found >= np.abs(values).max() * JUST_BELOW
