@@ -40,22 +40,23 @@ class CompiledLaw(Compilable):
 
     def loaded(self, form: str) -> bool:
         """Return True if the table of laws contains this law."""
-        return _IN_TABLE.get(self.code) is self
+        law, _ = _IN_TABLE.get(self.code, (None, None))
+        return law is self
 
     def load(self, form: str, code: bytes, description: dict[str, Any]) -> None:
         """Load the functions of the law, and write their addresses to the table of laws."""
         from tdint.kernels.building.loading import load_law
 
-        self._engine = load_law(self.code, code, description["properties"])
-        _IN_TABLE[self.code] = self
+        _IN_TABLE[self.code] = self, load_law(self.code, code, description["properties"])
 
     def interpret(self, form: str, wrap: Callable[[Callable[..., Any]], Any]) -> None:
         """Do nothing: kernels in plain Python call the functions of the law itself, and the table
         of laws, from which compiled kernels call it, does not contain it yet."""
 
 
-_IN_TABLE: dict[float, CompiledLaw] = {}
-"""Laws in the table of laws of this process."""
+_IN_TABLE: dict[float, tuple[CompiledLaw, Any]] = {}
+"""Laws in the table of laws of this process, with the engines that own the memory of their
+functions. A law does not refer to its engine, because models with laws are pickled."""
 
 
 def compiled_laws(codes: Iterable[float]) -> tuple[CompiledLaw, ...]:
