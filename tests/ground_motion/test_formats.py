@@ -484,6 +484,7 @@ class TestGeonet:
             "0.02 s as a number, but as 0.010 s",
         )
         refused(files.geonet() + "one line more\n", "cut off")
+        refused(files.geonet(1, readings="0.00"), "the header states 0.00 mm/s/s")
 
 
 class TestLargeFiles:

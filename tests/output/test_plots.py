@@ -3,6 +3,7 @@ as commands."""
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from matplotlib.text import Text
 
 from selection import every
 from tdint.assessment.order.order import order
-from tdint.assessment.stability.stability_figures import order_picture
+from tdint.assessment.stability.stability import stability
+from tdint.assessment.stability.stability_figures import order_picture, stability_picture
 from tdint.errors import OutputError
 from tdint.files import write_files
 from tdint.ground_motion.processing_steps import process
@@ -20,6 +22,7 @@ from tdint.model.config.model_file import load_model
 from tdint.output.figures.loads import load_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_curves import (
+    difference_picture,
     draw_adrs,
     draw_tripartite,
     drift_spectrum_picture,
@@ -35,6 +38,7 @@ from tdint.response.runs.run import run
 from tdint.response.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.response.spectra.elastic import spectrum
 from tdint.response.spectra.inelastic import constant_strength
+from tdint.response.spectra.target import SpectrumDifference
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile
 from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture, ratio_picture
@@ -313,6 +317,23 @@ def test_all_buildings_of_floors_are_in_the_legend():
     ).legends
     names = {text.get_text().partition(",")[0] for text in legend.get_texts()}
     assert names == {"low", "tall"}
+
+
+def test_the_band_of_growth_contains_the_limit_of_linear_acceleration():
+    curves = stability(["gauss4", "newmark-linear"], dt_over_t=[0.1, 0.55])
+    *_, zoom = stability_picture(curves, band=True).axes
+    low, high = zoom.get_xlim()
+    assert 3.0 < low < np.sqrt(12.0) < high < 4.0
+
+
+def test_differences_of_spectra_have_a_line_at_zero():
+    computed = spectrum(motion(), [0.2, 0.5])
+    published = SimpleNamespace(quantity="psa", source="page.csv")
+    compared = SpectrumDifference(computed, published, 0.98 * computed.psa)
+    _, lower = difference_picture([compared]).axes
+    levels = [tuple(line.get_ydata()) for line in lower.lines]
+    assert (0.0, 0.0) in levels
+    assert any(np.allclose(level, 100.0 * (1.0 / 0.98 - 1.0)) for level in levels)
 
 
 def test_a_legend_of_long_names_is_within_its_figure():
