@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -214,3 +215,13 @@ def test_records_of_fields_that_cannot_be_read_are_failures(region):
     assert scales(found, 0) == [(1, 1.0)]
     with pytest.raises(RecordError, match=r"fields\.csv:2: .*none\.csv"):
         field(region, "event,record\ne1,none.csv\n")
+
+
+def test_the_second_component_is_in_a_file_with_a_similar_name(region):
+    for name in ("quake_000.csv", "quake_090.csv", "other_000.csv"):
+        (region / name).write_text(RECORD.replace("0.2", "0.3") if "090" in name else RECORD)
+    found = field(region, "event,site,record\ne1,A,quake_000.csv\n", pairs=True)
+    names = sorted(Path(motion.record.source).name for motion in found.motions)
+    assert names == ["quake_000.csv", "quake_090.csv"]
+    with pytest.raises(RecordError, match="no file with a similar name"):
+        field(region, "event,site,record\ne1,A,other_000.csv\n", pairs=True)
