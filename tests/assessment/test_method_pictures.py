@@ -4,10 +4,11 @@ without overlap."""
 import itertools
 import math
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 
-from tdint.assessment.chart.chart_figures import chart_picture, profile_picture
+from tdint.assessment.chart.chart_figures import _Drawing, chart_picture, profile_picture
 from tdint.assessment.chart.performance_profiles import PARTS, Measured, PeakErrors, field_chart
 from tdint.assessment.chart.problem import Errors, Reference
 from tdint.assessment.chart.work_precision import Chart, Point, Timing
@@ -177,3 +178,10 @@ def test_a_matrix_without_room_reports_the_required_width():
     assert len(matrix(["impulse4", *LONG], least).axes) == 3
     with pytest.raises(UsageError, match=f"require a width of at least {least} mm"):
         matrix(["impulse4", *LONG], least - 1)
+
+
+def test_points_with_an_unknown_error_or_cost_are_not_drawn():
+    chart = make_chart(NAMES[:2])
+    without_time, failed = replace(chart.points[0], times=()), replace(chart.points[1], errors=None)
+    drawing = _Drawing(replace(chart, points=(without_time, failed, *chart.points[2:])), "drift")
+    assert drawing.points == list(chart.points[2:])
