@@ -15,6 +15,7 @@ from tdint.model.capacity import (
     derive_capacity,
     read_curve,
 )
+from tdint.model.config.keys import keys
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys import fields
 from tdint.model.mdof_lu import (
@@ -30,46 +31,15 @@ from tdint.model.mdof_lu import (
 _DAMPING_TYPES = ("full", "mass-only")
 _RULES = fields.Choice(tuple(rules for rules in RULES if rules != CAPACITY), "set of rules")
 BUILDING = fields.Keys(
-    (
-        fields.Key("rules", _RULES, "rules that derive the stories"),
-        fields.Key(
-            "capacity",
-            fields.TextLine(),
-            "capacity curve instead of rules: a CSV file (sd_m, sa_g), relative to this file",
-        ),
-        fields.Key("type", fields.Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
-        fields.Key("stories", fields.Integer(1, MOST_STORIES), "number of stories", needed=True),
-        fields.Key("year", fields.Integer(*YEARS), "year of construction"),
-        fields.Key(
-            "area", fields.POSITIVE, "area of one floor, in the square of the unit of length"
-        ),
-        fields.Key("height", fields.POSITIVE, "total height of the building"),
-        fields.Key("zone", fields.Choice(ZONES, "seismic zone"), "seismic zone; default: Z4"),
-        fields.Key(
-            "design_level",
-            fields.Choice(LEVELS, "design level"),
-            "design level; default: from zone and year",
-        ),
-        fields.Key(
-            "damping_ratio", fields.RATIO, "viscous damping ratio; default: from the structure type"
-        ),
-        fields.Key(
-            "damping",
-            fields.Choice(_DAMPING_TYPES, "type of damping"),
-            "full, or mass-only without the stiffness-proportional part",
-        ),
-        fields.Key(
-            "mass",
-            fields.POSITIVE,
-            "total mass of a building with a capacity curve; default: 1 t",
-        ),
-        fields.Key("soft_story", fields.Flag(), "true if the ground story is soft"),
-        fields.Key("degradation", fields.Flag(), "true if the stories lose stiffness and strength"),
-        fields.Key(
-            "as_published",
-            fields.Flag(),
-            "multiply the forces by the factor of oq-vmtk 1.1, which shortens the period",
-        ),
+    keys(
+        "building",
+        rules=_RULES,
+        type=fields.Choice(STRUCTURES, "structure type"),
+        stories=fields.Integer(1, MOST_STORIES),
+        year=fields.Integer(*YEARS),
+        zone=fields.Choice(ZONES, "seismic zone"),
+        design_level=fields.Choice(LEVELS, "design level"),
+        damping=fields.Choice(_DAMPING_TYPES, "type of damping"),
     ),
     one_of=(("rules", "capacity"),),
 )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from tdint.errors import UsageError
+from tdint.model.config.keys import keys
 from tdint.model.damage_states import DEMANDS, DamageStates
 from tdint.model.keys import fields
 from tdint.units import parse_with_unit
@@ -23,28 +24,17 @@ def by_state(value_type: fields.ValueType) -> fields.NamedEntries:
 
 
 THRESHOLDS = by_state(fields.Either((fields.DRIFT_BOUNDS, fields.TextLine())))
-DEMAND = fields.Key(
-    "demand",
-    fields.Choice(tuple(DEMANDS), "demand"),
-    "response quantity that determines the state; default: drift_ratio",
-)
-DISPERSION = fields.Key(
-    "dispersion",
-    fields.Bounds(0.0, 3.0),
-    "standard deviation of the logarithms of the thresholds; 0: exact",
-)
-_LOSSES_MEANING = "loss ratio in each state; `collapsed` if it differs from the last state"
 DAMAGE = fields.Keys(
-    (
-        DEMAND,
-        fields.Key(
-            "thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True
-        ),
-        DISPERSION,
-        fields.Key("losses", by_state(LOSS), _LOSSES_MEANING),
+    keys(
+        "damage",
+        demand=fields.Choice(tuple(DEMANDS), "demand"),
+        thresholds=THRESHOLDS,
+        dispersion=fields.Bounds(0.0, 3.0),
+        losses=by_state(LOSS),
     )
 )
 """Keys of the section `damage` of a model file."""
+DEMAND, _, DISPERSION, _ = DAMAGE.declared
 
 
 def read_damage(value: fields.Value) -> DamageStates | None:

@@ -8,19 +8,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tdint.model.config import stories
+from tdint.model.config.keys import keys
 from tdint.model.config.sections import ModelUnits, read_inertia
 from tdint.model.definition import Attachment, Link
 from tdint.model.keys.fields import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    RATIO,
     ROOF,
     Bounds,
     Choice,
     Either,
     EntriesOf,
     Integer,
-    Key,
     Keys,
     Section,
     TextLine,
@@ -32,49 +29,18 @@ from tdint.model.story_laws import LAWS, LINEAR, Law
 GROUND = "ground"
 _MASS_RATIO = Bounds(0.0, low_allowed=False, ratio=True)
 _ATTACHMENT = Keys(
-    (
-        Key("name", TextLine(), "name in tables; default: attachment_1, attachment_2, ..."),
-        Key(
-            "floor",
-            Either((Integer(1, MAX_STORIES), Choice((ROOF, GROUND)))),
-            "floor on which it stands, from 1 at the bottom, roof or ground",
-            needed=True,
-        ),
-        Key("mass", POSITIVE, "attached mass"),
-        Key("weight", POSITIVE, "attached weight, instead of the mass"),
-        Key("mass_ratio", _MASS_RATIO, "attached mass over the mass of all floors, instead"),
-        Key("stiffness", NOT_NEGATIVE, "initial stiffness of its spring; 0 if only links hold it"),
-        Key("period", POSITIVE, "its natural period on a fixed floor, s, instead of `stiffness`"),
-        Key("law", stories.LAW, "hysteretic law of its spring; default: linear"),
-        Key(
-            "dashpot", stories.DASHPOT, "viscous damper between mass and floor: force over velocity"
-        ),
-        Key("damping", RATIO, "damping ratio on a fixed floor, instead of `dashpot`"),
-        stories.INERTANCE._replace(meaning="inerter between mass and ground; may replace the mass"),
+    keys(
+        "attachment",
+        floor=Either((Integer(1, MAX_STORIES), Choice((ROOF, GROUND)))),
+        mass_ratio=_MASS_RATIO,
+        law=stories.LAW,
+        dashpot=stories.DASHPOT,
     )
 )
 ATTACHMENTS = EntriesOf(_ATTACHMENT, least=1)
 _END = Either((Integer(1, MAX_STORIES), TextLine()))
 _LINK = Keys(
-    (
-        Key("name", TextLine(), "name in tables; default: link_1, link_2, ..."),
-        Key(
-            "from",
-            _END,
-            "start: ground, a floor from 1, roof, or the name of an attachment",
-            needed=True,
-        ),
-        Key(
-            "to",
-            _END,
-            "end; its displacement minus that of the start is the deformation",
-            needed=True,
-        ),
-        Key("stiffness", NOT_NEGATIVE, "initial stiffness of a spring; default for a gap: 0"),
-        Key("law", stories.LAW, "hysteretic law of the spring; default: linear"),
-        Key("dashpot", stories.DASHPOT, "viscous damper: force over velocity"),
-        stories.INERTANCE,
-    ),
+    keys("link", law=stories.LAW, dashpot=stories.DASHPOT, **dict.fromkeys(("from", "to"), _END))
 )
 LINKS = EntriesOf(_LINK, least=1)
 

@@ -14,6 +14,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from tdint.errors import did_you_mean
+from tdint.model.config.keys import keys
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import Attachment, Link
 from tdint.model.keys import fields
@@ -47,56 +48,18 @@ def _by_story(value_type: fields.ValueType, names: str = _STORY_KEYS) -> fields.
 
 
 _LENGTH = fields.Either((fields.POSITIVE, fields.TextLine()))
-_LIMITS = (
-    fields.Key(
-        DRIFT_RATIO, _by_story(fields.DRIFT_BOUNDS), "drift ratio of the stories: 2% or 0.02"
-    ),
-    fields.Key(
-        RESIDUAL,
-        _by_story(fields.DRIFT_BOUNDS),
-        "absolute drift ratio of the stories at the end of the run",
-    ),
-    fields.Key(
-        ISOLATOR,
-        _by_story(_LENGTH),
-        "displacement of the stories with `isolator: true`, in the unit of length of the file or "
-        "with a unit: 500 mm",
-    ),
-    fields.Key(
-        ACCELERATION,
-        _by_story(_LENGTH),
-        "absolute acceleration of the floors, in the unit of length of the file over s^2 or with "
-        "a unit: 0.4 g",
-    ),
-    fields.Key(
-        STROKE,
-        _by_story(_LENGTH, _NAMES),
-        "displacement of attachments relative to their floors, in the unit of length of the file "
-        "or with a unit: 300 mm",
-    ),
-    fields.Key(
-        LINK_DEFORMATION,
-        _by_story(_LENGTH, _NAMES),
-        "deformation of links, in the unit of length of the file or with a unit: 50 mm",
-    ),
-    fields.Key(
-        LINK_FORCE,
-        _by_story(fields.POSITIVE, _NAMES),
-        "force of the spring and of the dashpot of links, in the unit of force of the file",
-    ),
-)
-_QUANTITIES = fields.Keys(_LIMITS)
-
-
+_LIMIT_TYPES: dict[str, fields.ValueType] = {
+    DRIFT_RATIO: _by_story(fields.DRIFT_BOUNDS),
+    RESIDUAL: _by_story(fields.DRIFT_BOUNDS),
+    ISOLATOR: _by_story(_LENGTH),
+    ACCELERATION: _by_story(_LENGTH),
+    STROKE: _by_story(_LENGTH, _NAMES),
+    LINK_DEFORMATION: _by_story(_LENGTH, _NAMES),
+    LINK_FORCE: _by_story(fields.POSITIVE, _NAMES),
+}
+_QUANTITIES = fields.Keys(keys("limits", **_LIMIT_TYPES))
 LIMITS = fields.Keys(
-    (
-        *_LIMITS,
-        fields.Key(
-            "levels",
-            fields.NamedEntries(_QUANTITIES, least=1),
-            "limits of performance levels, by the name of the level",
-        ),
-    )
+    (*_QUANTITIES.declared, *keys("levels", levels=fields.NamedEntries(_QUANTITIES, least=1)))
 )
 """Keys of the section `limits` of a model file."""
 

@@ -32,6 +32,7 @@ from tdint.ground_motion.choice import (
 )
 from tdint.model.config import directions
 from tdint.model.config.devices import ATTACHMENTS, LINKS, read_devices
+from tdint.model.config.keys import keys
 from tdint.model.config.matrix_keys import BASE, MATRICES, MATRIX
 from tdint.model.config.sections import (
     DAMPING,
@@ -61,13 +62,9 @@ from tdint.model.definition import (
 from tdint.model.keys.document import SourceText, compose, decode, read_document
 from tdint.model.keys.fields import (
     ANY,
-    DRIFT_BOUNDS,
-    NOT_NEGATIVE,
-    POSITIVE,
     Choice,
     Either,
     EntriesOf,
-    Flag,
     Integer,
     Key,
     Keys,
@@ -90,36 +87,15 @@ if TYPE_CHECKING:
 # ---- The section `excitation` of a model file: forces, or a record with the layout of its text
 # table and its processing. Keys of `excitation.record` have the names of the command-line options.
 
-PROCESSING = (
-    Key(
-        "trim",
-        TextLine(parse_trim, "START:END in s, such as 0:10"),
-        "START:END in s from the first sample",
-    ),
-    Key("baseline", Choice(tuple(BASELINES), "baseline"), "baseline that is subtracted"),
-    Key(
-        "pad",
-        TextLine(parse_pad, "SECONDS or BEFORE:AFTER, such as 2:5"),
-        "zeros before and after: SECONDS or BEFORE:AFTER",
-    ),
-    Key("highpass", POSITIVE, "corner frequency, Hz"),
-    Key("lowpass", POSITIVE, "corner frequency, Hz"),
-    Key("filter_order", Integer(1, MAX_FILTER_ORDER), "order of the filters"),
-    Key("resample", POSITIVE, "sampling interval, s"),
-    Key("time_scale", POSITIVE, "factor on the times; 0.2 compresses them by 5"),
+PROCESSING = keys(
+    "processing",
+    trim=TextLine(parse_trim, "START:END in s, such as 0:10"),
+    baseline=Choice(tuple(BASELINES), "baseline"),
+    pad=TextLine(parse_pad, "SECONDS or BEFORE:AFTER, such as 2:5"),
+    filter_order=Integer(1, MAX_FILTER_ORDER),
 )
 
-LAYOUT = (
-    Key("step", POSITIVE, "sampling interval of a text table that does not contain it, s"),
-    Key(
-        "column",
-        Either((TextLine(), EntriesOf(TextLine(), least=1))),
-        "column of a text table: its name, or its number from 1; or a list of columns",
-    ),
-    Key("skip_lines", Integer(0, MAX_SKIPPED_LINES), "lines before the numbers"),
-    Key("rows", Flag(), "the lines of a text table continue one ground motion"),
-    Key("one_sided", Flag(), "the samples of one sign are a pulse, no spectrum and no resultant"),
-)
+LAYOUT = keys("layout", skip_lines=Integer(0, MAX_SKIPPED_LINES))
 
 
 def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordChoice:
@@ -167,52 +143,20 @@ def _read_part(section: Section, keys: tuple[Key, ...], part: type[_PartT]) -> _
     return part()
 
 
-_RECORD = Keys(
-    (
-        Key("file", TextLine(), "the record's file, relative to the model file", needed=True),
-        Key("units", TextLine(), "units of its samples if it does not state them: m/s^2, g, ..."),
-        Key("component", TextLine(), "component, if the file contains several"),
-        Key("scale", ANY, "factor on the acceleration, not zero"),
-        Key("inventory", TextLine(), "station metadata, to remove the instrument response"),
-        *LAYOUT,
-        *PROCESSING,
-    )
-)
+_RECORD = Keys((*keys("record"), *LAYOUT, *PROCESSING))
 _FLOOR = Either((Integer(1, MAX_STORIES), TextLine()))
-_FLOOR_TEXT = "floor, from 1 at the bottom, roof, or the name of a row of `matrices`"
-_FORCE = Keys(
-    (
-        Key("floor", _FLOOR, _FLOOR_TEXT, needed=True),
-        Key("amplitude", ANY, "maximum force", needed=True),
-        Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
-        Key(
-            "phase",
-            Either((Choice(("cos", "sin")), ANY)),
-            "cos, sin or phi in cos(omega t + phi), rad",
-        ),
-    )
-)
+_PHASE = Either((Choice(("cos", "sin")), ANY))
+_FORCE = Keys(keys("force", floor=_FLOOR, phase=_PHASE))
 _TABLE_FORCE = Keys(
-    (
-        Key("file", TextLine(), "CSV file with times and forces, relative to the model file"),
-        Key(
-            "floors",
-            NamedEntries(TextLine(), description="a mapping of floors to columns"),
-            "column of each floor, with an optional factor: {2: roof_kN, 1: 0.6 roof_kN}",
+    keys(
+        "table force",
+        floor=_FLOOR,
+        floors=NamedEntries(TextLine(), description="a mapping of floors to columns"),
+        points=EntriesOf(
+            EntriesOf(ANY, least=2, most=2, description="a point [time in s, force]"),
+            least=2,
+            description="a list of at least two points [time in s, force]",
         ),
-        Key("floor", _FLOOR, f"{_FLOOR_TEXT}, instead of floors"),
-        Key("column", TextLine(), "column of this floor; default: the only column of forces"),
-        Key(
-            "points",
-            EntriesOf(
-                EntriesOf(ANY, least=2, most=2, description="a point [time in s, force]"),
-                least=2,
-                description="a list of at least two points [time in s, force]",
-            ),
-            "points [time in s, force] on this floor, instead of a file",
-        ),
-        Key("start", ANY, "added to the times, s; default: 0"),
-        Key("scale", ANY, "factor on the forces; default: 1"),
     )
 )
 MOTION_KEYS = {"record": "", "displacement": "displacement", "velocity": "velocity"}
@@ -220,21 +164,10 @@ MOTION_KEYS = {"record": "", "displacement": "displacement", "velocity": "veloci
 an acceleration, or the quantity that the file states."""
 
 _MOTION = Either((TextLine(), _RECORD))
-_EXCITATION_KEYS = (
-    Key("record", _MOTION, "ground motion: a file, or file and options"),
-    Key("displacement", _MOTION, "displacement of the ground or of a shaking table, instead"),
-    Key("velocity", _MOTION, "velocity of the ground, instead"),
-    Key(
-        "forces",
-        EntriesOf(Either((_FORCE, _TABLE_FORCE))),
-        "forces on floors: harmonic, from a table in a file, or through points",
-    ),
-)
+_FORCES = EntriesOf(Either((_FORCE, _TABLE_FORCE)))
+_OF_DIRECTION = keys("excitation", forces=_FORCES, **dict.fromkeys(MOTION_KEYS, _MOTION))
 EXCITATION = Keys(
-    (
-        *directions.with_directions(_EXCITATION_KEYS, directions.OF_EXCITATION),
-        Key("azimuth", ANY, "of axis x of two directions, degrees clockwise from north"),
-    )
+    (*directions.with_directions(_OF_DIRECTION, directions.OF_EXCITATION), *keys("azimuth"))
 )
 
 
@@ -325,36 +258,16 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None, names: Sequen
 
 # ---- Model file
 
-_OF_ATTACHMENT = Keys(
-    (
-        Key("displacement", ANY, "relative to the ground; default: that of its floor"),
-        Key("velocity", ANY, "relative to the ground; default: that of its floor"),
-    )
-)
+_OF_ATTACHMENT = Keys(keys("attachment state"))
 _INITIAL = Keys(
-    (
-        Key(
-            "displacement", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"
-        ),
-        Key("velocity", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"),
-        Key(
-            "attachments",
-            NamedEntries(_OF_ATTACHMENT, least=1),
-            "displacement and velocity of attachments by their names",
-        ),
+    keys(
+        "initial",
+        displacement=EntriesOf(ANY),
+        velocity=EntriesOf(ANY),
+        attachments=NamedEntries(_OF_ATTACHMENT, least=1),
     )
 )
-_ANALYSIS = Keys(
-    (
-        Key(
-            "method",
-            TextLine(),
-            "time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5",
-        ),
-        Key("dt", POSITIVE, "time step, s"),
-        Key("duration", POSITIVE, "time to integrate, s"),
-    )
-)
+_ANALYSIS = Keys(keys("analysis"))
 
 
 def _suppression_reason(text: str) -> str:
@@ -367,9 +280,6 @@ def _suppression_reason(text: str) -> str:
             "must be `off`, a comma and the reason, such as `off, test rig in the laboratory`"
         )
     return reason.strip()
-
-
-_PLAUSIBILITY = TextLine(_suppression_reason)
 
 
 _REPORT_HEAD = Either(
@@ -415,58 +325,29 @@ _CONTACT = (
     "write the second building as `attachments` with `floor: ground`, and the contact as a link "
     "with the law gap"
 )
-_MODEL_KEYS = (
-    Key("name", TextLine(), "name of the building; default: name of the file"),
-    Key("units", UNITS, "units of the numbers in this file; default: SI"),
-    Key("stories", STORIES, "stories from the ground up; `repeat` for equal stories"),
-    Key("building", Keys(()), "properties from which rules derive the stories"),
-    Key(
-        "stiffness_matrix",
-        MATRIX,
-        "stiffness of a linear frame at its floors, instead of `stiffness` in each story",
-    ),
-    Key("matrices", MATRICES, "linear model with rows that are not floors, instead of stories"),
-    Key("base", BASE, "springs under flexural stories; default: clamped"),
-    Key("attachments", ATTACHMENTS, "masses on floors: absorbers, tanks, equipment"),
-    Key("links", LINKS, "springs and dashpots between any two floors, or to the ground"),
-    Key(
-        "damping",
-        DAMPING,
-        "damping in addition to dashpots; 5% is Rayleigh damping in modes 1 and 3",
-    ),
-    Key("p_delta", Flag(), "true if gravity acts on the displaced building"),
-    Key("excitation", EXCITATION, "ground motion and forces"),
-    Key("initial", _INITIAL, "initial state; default: at rest"),
-    Key(
-        "analysis",
-        _ANALYSIS,
-        "method, time step and duration; options of the command line take precedence",
-    ),
-    Key(
-        "collapse_drift",
-        DRIFT_BOUNDS,
-        "drift ratio above which a run is reported as collapsed; default: 10%",
-    ),
-    Key(
-        "plausibility",
-        _PLAUSIBILITY,
-        "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
-    ),
-    Key("damage", Keys(()), "damage states of the building"),
-    Key("limits", Keys(()), "limits of demands, which runs are compared with"),
-    Key(
-        "output_units",
-        Either((TextLine(), EntriesOf(TextLine(), least=1))),
-        "units of the output: kip, in, g",
-    ),
-    Key(
-        "report",
-        _REPORT_HEAD,
-        "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'",
-    ),
-)
 _MODEL = Keys(
-    directions.with_directions(_MODEL_KEYS, directions.OF_FILE),
+    directions.with_directions(
+        keys(
+            "model",
+            units=UNITS,
+            stories=STORIES,
+            building=Keys(()),
+            stiffness_matrix=MATRIX,
+            matrices=MATRICES,
+            base=BASE,
+            attachments=ATTACHMENTS,
+            links=LINKS,
+            damping=DAMPING,
+            excitation=EXCITATION,
+            initial=_INITIAL,
+            analysis=_ANALYSIS,
+            plausibility=TextLine(_suppression_reason),
+            damage=Keys(()),
+            limits=Keys(()),
+            report=_REPORT_HEAD,
+        ),
+        directions.OF_FILE,
+    ),
     one_of=(("stories", "building", "matrices"),),
     other_names=(
         *((name, "attachments") for name in ("absorbers", "absorber", "tmd", "tmds", "equipment")),

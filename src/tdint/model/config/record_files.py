@@ -19,36 +19,14 @@ from tdint.errors import UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import USUAL, PairNames
+from tdint.model.config.keys import keys
 from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
 from tdint.model.keys import fields
 from tdint.model.keys.document import read_document
 
-UNITS = fields.Key(
-    "units",
-    fields.TextLine(),
-    "units of the samples, if the files do not state them: m/s^2, g, ...; by file "
-    "'AT2=g,*.mseed=m/s^2', or a table of units, relative to this file",
-)
+(UNITS,) = keys("units of records")
 FILES = (
-    fields.Key(
-        "files",
-        fields.Either((fields.TextLine(), fields.EntriesOf(fields.TextLine(), least=1))),
-        "record, or list of records, patterns (*.AT2) and directories, relative to this file",
-    ),
-    fields.Key(
-        "component",
-        fields.TextLine(),
-        "component, if files contain several; all horizontal components by default",
-    ),
-    fields.Key(
-        "pairs",
-        fields.Either((fields.Flag(), fields.TextLine())),
-        "combine the two horizontal components of a motion, so that they have the same factors: "
-        "true, or patterns of the file names: '{}_N.AT2,{}_E.AT2'",
-    ),
-    fields.Key(
-        "inventory", fields.TextLine(), "station metadata, to remove the instrument response"
-    ),
+    *keys("records", pairs=fields.Either((fields.Flag(), fields.TextLine()))),
     *LAYOUT,
     *PROCESSING,
 )

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from tdint import units
 from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
+from tdint.model.config.keys import keys
 from tdint.model.definition import Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 from tdint.model.keys import fields
 
@@ -26,14 +27,11 @@ _UNITS_WITHOUT_MASS = tuple(
 mm it can be any unit."""
 
 UNITS = fields.Keys(
-    (
-        fields.Key("length", fields.Choice(tuple(units.LENGTH)), "unit of length; default: m"),
-        fields.Key("force", fields.Choice(tuple(units.FORCE)), "unit of force; default: N"),
-        fields.Key(
-            "mass",
-            fields.Choice(tuple(units.MASS)),
-            "unit of mass; default: kg; required for masses if length is not m or force is not N",
-        ),
+    keys(
+        "units",
+        length=fields.Choice(tuple(units.LENGTH)),
+        force=fields.Choice(tuple(units.FORCE)),
+        mass=fields.Choice(tuple(units.MASS)),
     )
 )
 
@@ -195,31 +193,7 @@ def _damping_type(count: int | None) -> fields.Either:
         distinct="" if count == 1 else "two different modes",
     )
     rayleigh = fields.Keys(
-        (
-            fields.Key(
-                "ratio",
-                fields.Either((fields.RATIO, two_ratios)),
-                "damping ratio in both modes, or in each",
-                advice=f"give {two_ratios.description}",
-            ),
-            fields.Key(
-                "modes",
-                modes,
-                "two modes, from 1 at the longest period; one mode for damping proportional to the "
-                "stiffness",
-                advice=f"give {modes.description}",
-            ),
-            fields.Key("mass", fields.NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
-            fields.Key(
-                "stiffness", fields.NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"
-            ),
-            fields.Key(
-                "tangent",
-                fields.Flag(),
-                "true for damping with the tangent stiffness of the stories instead of the initial "
-                "stiffness",
-            ),
-        ),
+        keys("rayleigh", ratio=fields.Either((fields.RATIO, two_ratios)), modes=modes),
         alternative_groups=(("ratio", "modes"), ("mass", "stiffness")),
         description="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
         make=lambda value, **entries: _rayleigh(value, count, **entries),
@@ -229,35 +203,14 @@ def _damping_type(count: int | None) -> fields.Either:
     list_text = f"a list of at most {count} damping ratios (one per mode)"
     ratio_list = fields.EntriesOf(fields.RATIO, 2, count, list_text, _SHORT_LIST_ERROR)
     first_modes = fields.Keys(
-        (
-            fields.Key(
-                "ratio",
-                fields.Either((fields.RATIO, ratio_list)),
-                "damping ratio, or one per mode",
-                needed=True,
-                advice="give the damping ratio",
-            ),
-            fields.Key("modes", mode, "number of damped modes; default: all"),
-            fields.Key(
-                "p_delta",
-                fields.Flag(),
-                "false for the modes of the stiffness without P-delta; default: true",
-            ),
-        ),
+        keys("modal", ratio=fields.Either((fields.RATIO, ratio_list)), modes=mode),
         make=lambda value, ratio, modes, p_delta: _modal(value, count, ratio, modes, p_delta),
     )
     modal = fields.Either((fields.RATIO, ratio_list, first_modes))
     # A mapping contains exactly one of the keys `rayleigh` and `modal`. A list of ratios has been
     # converted to a tuple.
     forms = fields.Keys(
-        (
-            fields.Key(
-                "rayleigh",
-                rayleigh,
-                "C = a0 M + a1 K, through the damping ratios of two modes or by coefficients",
-            ),
-            fields.Key("modal", modal, "damping ratios of modes"),
-        ),
+        keys("damping", rayleigh=rayleigh, modal=modal),
         one_of=(("rayleigh", "modal"),),
         alternative_groups=(("rayleigh",), ("modal",)),
         description="none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}",

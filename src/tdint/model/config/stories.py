@@ -15,13 +15,13 @@ from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model import story_laws
 from tdint.model.config.directions import OF_STORY, with_directions
+from tdint.model.config.keys import keys
 from tdint.model.config.sections import ModelUnits, read_inertia
 from tdint.model.keys.fields import (
     ANY,
     DRIFT_BOUNDS,
     NOT_NEGATIVE,
     POSITIVE,
-    RATIO,
     Bounds,
     Choice,
     Either,
@@ -32,7 +32,6 @@ from tdint.model.keys.fields import (
     Keys,
     Schema,
     Section,
-    TextLine,
     Value,
     ValueType,
 )
@@ -43,10 +42,9 @@ from tdint.units import MASS, STANDARD_GRAVITY
 
 _SIDES = ("positive", "negative")
 _DRIFT = Either((POSITIVE, DRIFT_BOUNDS))
-FRACTURE = Key(
-    "fracture_drift",
-    Either((_DRIFT, Keys(tuple(Key(name, _DRIFT) for name in _SIDES)))),
-    "drift at which the force is lost permanently; with %: a ratio of the story height",
+(FRACTURE,) = keys(
+    "fracture",
+    fracture_drift=Either((_DRIFT, Keys(tuple(Key(name, _DRIFT) for name in _SIDES)))),
 )
 """Key of every law and element."""
 
@@ -163,19 +161,7 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
 
 _COSINE = Bounds(0.0, 1.0, low_allowed=False)
 _ANGLE = Bounds(0.0, 90.0, high_allowed=False)  # degrees
-_INCLINATION = (
-    Key(
-        "factor",
-        _COSINE,
-        "cosine of the inclination: deformation over drift, and story force over force; the other "
-        "numbers are those along the device",
-    ),
-    Key(
-        "angle",
-        _ANGLE,
-        "inclination from the direction of the drift in degrees, instead of `factor`",
-    ),
-)
+_INCLINATION = keys("inclination", factor=_COSINE, angle=_ANGLE)
 """Keys of an inclined dashpot or element."""
 
 
@@ -213,16 +199,7 @@ class _LawType(NamedTuple):
 
 
 LAW = _LawType(is_name_allowed=True)
-ELEMENTS = EntriesOf(
-    _LawType(
-        (
-            Key("name", TextLine(), "name in tables, unique within the story"),
-            Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
-            *_INCLINATION,
-        )
-    ),
-    least=1,
-)
+ELEMENTS = EntriesOf(_LawType((*keys("element"), *_INCLINATION)), least=1)
 
 
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[story_laws.Law, float | None]:
@@ -475,79 +452,22 @@ def _bounds(parameter: LawParameter) -> Bounds:
 
 _RAYLEIGH = "rayleigh"
 _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
-_DASHPOT = Keys(
-    (
-        Key("coefficient", POSITIVE, "force at the unit of velocity", needed=True),
-        Key("exponent", _EXPONENT, "power of the drift rate; default: 1"),
-        Key("linear_below", NOT_NEGATIVE, "drift rate under which the dashpot is linear"),
-        Key(
-            "brace",
-            POSITIVE,
-            "stiffness of the brace in series with the damper; the drift rate is then that of the "
-            "damper, and `linear_below` is not required",
-        ),
-        Key(
-            "relief",
-            Keys(
-                (
-                    Key("force", POSITIVE, "force at which the relief valve opens", needed=True),
-                    Key("ratio", RATIO, "slope above it over `coefficient`", needed=True),
-                )
-            ),
-            "relief valve of an oil damper with a `brace`",
-        ),
-        *_INCLINATION,
-    )
-)
+_RELIEF = Keys(keys("relief"))
+_DASHPOT = Keys((*keys("dashpot", exponent=_EXPONENT, relief=_RELIEF), *_INCLINATION))
 DASHPOT = Either((NOT_NEGATIVE, _DASHPOT))
-INERTANCE = Key("inertance", POSITIVE, "inerter: force over acceleration, a mass; linear models")
-_FLEXURAL = Keys(
-    (
-        Key("EI", POSITIVE, "bending stiffness, force length^2", needed=True),
-        Key("GA", POSITIVE, "shear stiffness with the shape factor, force; default: infinite"),
-    )
-)
-_STORY_KEYS = (
-    Key(
-        "mass",
-        NOT_NEGATIVE,
-        "mass of the floor above, positive; 0 only with `stiffness_matrix` or `flexural`",
-    ),
-    Key("weight", POSITIVE, "weight of the floor above, instead of its mass"),
-    Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
-    Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
-    Key("period", POSITIVE, "natural period of a single story, s, instead of its stiffness"),
-    Key("law", LAW, "hysteretic law; default: linear"),
-    Key("elements", ELEMENTS, "springs in parallel, instead of `stiffness` and `law`"),
-    Key(
-        "dashpot",
-        DASHPOT,
-        "viscous damper between the floors: force over velocity",
-    ),
-    Key(
-        "isolator",
-        Either((Flag(), Choice((_RAYLEIGH,)))),
-        "true for an isolator: its displacement is reported instead of a drift ratio; "
-        "`rayleigh` for an isolator with Rayleigh damping",
-    ),
-    Key(
-        "rayleigh",
-        Flag(),
-        "false for a story without Rayleigh damping, such as a soil spring; default: true, of "
-        "an isolator false",
-    ),
-    Key(
-        "p_delta",
-        Flag(),
-        "false for a story without P-delta, which needs no height; default: `p_delta` of the model",
-    ),
-    INERTANCE,
-    Key("flexural", _FLEXURAL, "bending and shear stiffness, instead of `stiffness`"),
-    Key("rotary_inertia", POSITIVE, "of the floor above a `flexural` story, mass length^2"),
-    Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
-)
 _STORY = Keys(
-    with_directions(_STORY_KEYS, OF_STORY),
+    with_directions(
+        keys(
+            "story",
+            law=LAW,
+            elements=ELEMENTS,
+            dashpot=DASHPOT,
+            isolator=Either((Flag(), Choice((_RAYLEIGH,)))),
+            flexural=Keys(keys("flexural")),
+            repeat=Integer(1, MAX_STORIES),
+        ),
+        OF_STORY,
+    ),
     one_of=(("mass", "weight"),),
 )
 STORIES = EntriesOf(_STORY, least=1)

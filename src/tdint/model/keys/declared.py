@@ -23,6 +23,9 @@ _TYPES: dict[str, fields.ValueType] = {
     "positive": fields.POSITIVE,
     "ratio": fields.RATIO,
     "text": fields.TextLine(),
+    "text or texts": fields.Either(
+        (fields.TextLine(), fields.EntriesOf(fields.TextLine(), least=1))
+    ),
     "texts": fields.EntriesOf(fields.TextLine(), least=1),
 }
 
