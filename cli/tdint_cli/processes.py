@@ -18,13 +18,14 @@ import signal
 import sys
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Thread
+from traceback import format_exc
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
@@ -33,7 +34,7 @@ from tdint.system import START_OF_PROCESSES, block_signals, die_with_parent, unb
 from tdint_cli.terminal import ENDING, counted
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future, ProcessPoolExecutor
+    from multiprocessing.connection import Connection
 
 
 Item = TypeVar("Item")
@@ -62,59 +63,80 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-@contextmanager
-def _workers(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of worker processes, which end with the `with` statement."""
-    # Imported late, because a single record is read in this process.
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import active_children, get_context
+class _Worker:
+    """Process that calls functions, one at a time, until the `with` statement ends.
 
-    context = get_context(START_OF_PROCESSES)
-    pool = ProcessPoolExecutor(count, context, _begin, (os.getpid(),))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in active_children():
-            worker.terminate()
+    Each process has its own pipe, which ends with the process, also in the middle of a result. The
+    pool of `concurrent.futures` has one pipe for all results and would wait for the rest of the
+    result.
+    """
+
+    def __init__(self) -> None:
+        """Start the process.
+
+        Raises
+        ------
+        OSError, ImportError, NotImplementedError
+            Limits of processes or files, or a system without semaphores.
+        """
+        # Imported late, because a single record is read in this process.
+        from multiprocessing import get_context
+
+        context = get_context(START_OF_PROCESSES)
+        self.pipe, end_of_worker = context.Pipe()
+        arguments = (end_of_worker, os.getpid())
+        self._process = context.Process(target=_serve, args=arguments, daemon=True)
+        # A signal raises an exception in this process. In the functions that it calls after a fork,
+        # Python would discard this exception, so that the signal would be lost. Signals are
+        # therefore blocked until the process has started.
+        with end_of_worker, warnings.catch_warnings(), block_signals(ENDING):
+            # The only threads are the threads of NumPy, which are safe to fork.
+            warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
+            self._process.start()
+
+    def begin(self, function: Callable[[Any], Any], argument: Any) -> None:
+        """Start a call. The argument is sent as it is now."""
+        with suppress(OSError):  # The process has ended, and has no outcome.
+            self.pipe.send((function, argument))
+
+    def outcome(self) -> tuple[Any, Exception | None] | None:
+        """Wait for the call; return its result and its exception, or None if the process ended."""
+        try:
+            return self.pipe.recv()
+        except (EOFError, OSError):
+            return None
+
+    def __enter__(self) -> _Worker:
+        """Return the worker."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """End the process."""
+        self._process.terminate()
+        self._process.join()
+        self.pipe.close()
 
 
-def _submit(
-    pool: ProcessPoolExecutor, function: Callable[[Item], Result], tasks: Iterable[Item]
-) -> deque[Future[Result]]:
-    """Submit tasks to a pool, which starts its processes for the first task."""
-    # A signal raises an exception in this process. In the functions that it calls after a fork,
-    # Python would discard this exception, so that the signal would be lost. Signals are therefore
-    # blocked until the processes have started.
-    with warnings.catch_warnings(), block_signals(ENDING):
-        # The only threads are the threads of NumPy, which are safe to fork.
-        warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
-        return deque(_submitted(pool, function, task) for task in tasks)
+def _serve(pipe: Connection, parent: int) -> None:
+    """Call functions in a worker process: receive a function and its argument from `pipe`, send the
+    result and None, or None and an exception."""
+    _begin(parent)
+    while True:
+        function, argument = pipe.recv()
+        try:
+            outcome = pickle.dumps((function(argument), None))
+        except Exception as error:
+            error.add_note(format_exc())
+            outcome = pickle.dumps((None, error))
+        pipe.send_bytes(outcome)
 
 
-def _submitted(
-    pool: ProcessPoolExecutor, function: Callable[[Item], Result], task: Item
-) -> Future[Result]:
-    """Submit a task. If a process of the pool has already ended, the pool accepts no task, and the
-    task has its exception as the outcome."""
-    from concurrent.futures import Future
-    from concurrent.futures.process import BrokenProcessPool
-
-    # The pool would pickle the task on another thread, while this thread already changes objects of
-    # it: a case stores values that it has computed.
-    pickled = pickle.dumps((function, task))
-    try:
-        return pool.submit(_call, pickled)
-    except BrokenProcessPool as error:
-        outcome: Future[Result] = Future()
-        outcome.set_exception(error)
-        return outcome
-
-
-def _call(pickled: bytes) -> Any:
-    """Call a pickled function with its task, in a worker."""
-    function, task = pickle.loads(pickled)
-    return function(task)
+def _result(outcome: tuple[Any, Exception | None]) -> Any:
+    """Return the result of a call, or raise its exception."""
+    result, error = outcome
+    if error is not None:
+        raise error
+    return result
 
 
 @contextmanager
@@ -124,22 +146,19 @@ def worker() -> Iterator[Callable[..., Callable[[], Any]]]:
 
     If the process cannot start or ends unexpectedly, this process calls the function.
     """
-    from concurrent.futures.process import BrokenProcessPool
-
     with ExitStack() as stack:
 
         def begin(function: Callable[[Item], Result], argument: Item) -> Callable[[], Result]:
             """Start the call of `function` with `argument`."""
-            outcomes: deque[Future[Result]] = deque()
-            # Limits of processes or files, or a system without semaphores
+            process = None
             with suppress(OSError, ImportError, NotImplementedError):
-                outcomes = _submit(stack.enter_context(_workers(1)), function, [argument])
+                process = stack.enter_context(_Worker())
+                process.begin(function, argument)
 
             def result() -> Result:
                 """Return the result of the call."""
-                with suppress(BrokenProcessPool, IndexError):
-                    return outcomes[0].result()
-                return function(argument)
+                outcome = process and process.outcome()
+                return _result(outcome) if outcome else function(argument)
 
             return result
 
@@ -199,41 +218,64 @@ def outcomes(
                 yield outcome
                 remaining = tasks[done:]
                 if jobs > 1 and not isinstance(outcome, TdintError) and len(remaining) > 1:
-                    pool = stack.enter_context(_workers(min(jobs, len(remaining))))
-                    yield from _shared(attempt, remaining, pool)
+                    yield from stack.enter_context(closing(_shared(attempt, remaining, jobs)))
                     return
 
         yield stack.enter_context(counted(results(), len(tasks), label, to_terminal=to_terminal))
 
 
 def _shared(
-    attempt: Callable[[Task], Result | TdintError], tasks: Sequence[Task], pool: ProcessPoolExecutor
-) -> Iterator[Result | TdintError]:
+    attempt: Callable[[Task], Result | TdintError], tasks: Sequence[Task], jobs: int
+) -> Generator[Result | TdintError]:
     """Yield the outcomes of the workers (result, or error of the record) in the order of the tasks.
 
     A task that reads standard input is executed in this process, because workers have no standard
-    input. If a process ends unexpectedly, the pool is lost. Each of the tasks without an outcome
-    then has a separate process, so that only the record of a process that ends again is an error.
+    input. If a process ends unexpectedly, a new process repeats its task, so that only the record
+    of a process that ends again is an error.
     """
-    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing.connection import wait
 
-    outcomes_of_pool = _submit(pool, attempt, [task for task in tasks if task.source != STDIN])
-    for task in tasks:
-        if task.source == STDIN:
-            yield attempt(task)
-            continue
-        outcome = outcomes_of_pool.popleft()
-        if isinstance(outcome.exception(), BrokenProcessPool):
-            with _workers(1) as single:
-                (outcome,) = _submit(single, attempt, [task])
-                outcome.exception()  # wait for the end of the task
-        if isinstance(outcome.exception(), BrokenProcessPool):
-            yield AnalysisError(
-                f"{task.source}: the process for this record ended unexpectedly, because it was "
-                "killed or because memory was insufficient; use fewer --jobs"
-            )
-        else:
-            yield outcome.result()
+    remaining = deque(i for i, task in enumerate(tasks) if task.source != STDIN)
+    outcomes_of_tasks: dict[int, Result | TdintError] = {}
+    lost: set[int] = set()
+    with ExitStack() as stack:
+        working: dict[Any, tuple[_Worker, int]] = {}
+
+        def begin(process: _Worker, i: int) -> None:
+            """Give task `i` to a process."""
+            process.begin(attempt, tasks[i])
+            working[process.pipe] = process, i
+
+        def collect() -> None:
+            """Wait for a process, keep its outcome, and give it the next task."""
+            process, i = working.pop(wait(working)[0])
+            outcome = process.outcome()
+            if outcome is not None:
+                outcomes_of_tasks[i] = _result(outcome)
+            elif i in lost:
+                outcomes_of_tasks[i] = _lost(tasks[i])
+            else:
+                lost.add(i)
+                remaining.appendleft(i)
+            if remaining:
+                begin(process if outcome else stack.enter_context(_Worker()), remaining.popleft())
+
+        for _ in range(min(jobs, len(remaining))):
+            begin(stack.enter_context(_Worker()), remaining.popleft())
+        for i, task in enumerate(tasks):
+            if task.source == STDIN:
+                outcomes_of_tasks[i] = attempt(task)
+            while i not in outcomes_of_tasks:
+                collect()
+            yield outcomes_of_tasks.pop(i)
+
+
+def _lost(task: Task) -> AnalysisError:
+    """Return the error of a record whose process ended twice."""
+    return AnalysisError(
+        f"{task.source}: the process for this record ended unexpectedly, because it was "
+        "killed or because memory was insufficient; use fewer --jobs"
+    )
 
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:

@@ -5,6 +5,7 @@ import os
 import sys
 import time
 from functools import partial
+from multiprocessing.connection import Connection
 
 import pytest
 
@@ -198,6 +199,23 @@ def test_a_killed_process_loses_only_its_own_record():
         assert states(str(failure), "dies: ... process ... ended unexpectedly")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="forked processes inherit the changed method")
+def test_a_process_that_ends_in_the_middle_of_a_result_loses_only_its_own_record(monkeypatch):
+    """The other process keeps its end of a shared pipe open, so that this pipe would not end."""
+    send_all, first = Connection._send, os.getpid()
+
+    def send(connection, content):
+        if os.getpid() != first and b"cutcut" in content:
+            os.write(connection.fileno(), content[: len(content) // 2])
+            os._exit(9)
+        send_all(connection, content)
+
+    monkeypatch.setattr(Connection, "_send", send)
+    found = run_batch(["a", "cut", "b", "c"], 2)
+    assert [item[0] for item in (found[0], *found[2:])] == ["aa", "bb", "cc"]
+    assert states(str(found[1]), "cut: ... process ... ended unexpectedly")
+
+
 def test_an_unexpected_exception_in_a_process_is_raised():
     with pytest.raises(TypeError):
         run_batch(["a", None, "b"], 2)
@@ -215,10 +233,10 @@ def test_a_worker_computes_one_call_and_its_loss_is_made_up(monkeypatch):
         assert begin(own_number, None)() != os.getpid()
         assert begin(own_number, os.getpid())() == os.getpid()
 
-    def no_process(*_):
+    def no_process():
         raise BlockingIOError
 
-    monkeypatch.setattr(processes, "_submit", no_process)
+    monkeypatch.setattr(processes, "_Worker", no_process)
     with worker() as begin:
         assert begin(own_number, None)() == os.getpid()
 

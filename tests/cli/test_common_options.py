@@ -1,7 +1,6 @@
 """The option --jobs has its effect in each command; test_files.py tests --overwrite."""
 
 import shutil
-from concurrent import futures
 
 import click
 import pytest
@@ -9,6 +8,7 @@ import pytest
 from tdint.studies.campaign import execute
 from tdint.studies.ida import ida
 from tdint.system import processors
+from tdint_cli import processes
 from tdint_cli.main import COMMANDS, cli
 
 
@@ -50,20 +50,23 @@ def test_every_command_with_jobs_is_tried():
 def test_jobs_is_the_number_of_threads_or_processes(folder, tdint, monkeypatch, command):
     """Three records require only two further processes."""
     write_inputs(folder)
-    numbers = []
+    numbers, started = [], []
 
     def threads(work, items, jobs):
         numbers.append(jobs)
         return map(work, items)
 
-    class Pool(futures.ProcessPoolExecutor):
-        def __init__(self, count, *arguments):
-            numbers.append(count)
-            super().__init__(count, *arguments)
+    class Worker(processes._Worker):
+        def __init__(self):
+            started.append(self)
+            super().__init__()
 
     for module in (execute, ida):
         monkeypatch.setattr(module, "on_threads", threads)
-    monkeypatch.setattr(futures, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr(processes, "_Worker", Worker)
     jobs = processors() + 1  # not the default
     tdint(*JOBS[command].split(), "--jobs", jobs, code=0)
-    assert numbers == [2 if "third.mseed" in JOBS[command] else jobs]
+    if "third.mseed" in JOBS[command]:
+        assert (numbers, len(started)) == ([], 2)
+    else:
+        assert (numbers, started) == ([jobs], [])

@@ -5,14 +5,12 @@ import os
 import signal
 import subprocess
 import sys
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from faults.conftest import wait_until
-from tdint_cli.processes import _submit
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -80,17 +78,6 @@ def test_a_killed_worker_loses_one_record(folder, start, done, which):
     assert len(tables(folder)) >= 8 - len(errors)
     assert not temporary_files(folder)
     command.nobody_is_left()
-
-
-def test_tasks_for_a_pool_without_processes_have_an_outcome():
-    """A process can be killed while the tasks are submitted."""
-
-    class Pool:
-        def submit(self, function, task):
-            raise BrokenProcessPool("ended")
-
-    outcomes = _submit(Pool(), str, [1, 2])
-    assert [type(outcome.exception()) for outcome in outcomes] == [BrokenProcessPool] * 2
 
 
 @pytest.mark.slow
