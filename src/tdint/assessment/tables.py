@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tdint.output.tables.columns import ColumnFile
 from tdint.output.tables.methods import _finite_or_nan, _limit_or_none, _without_commas
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, TEXT, Cell, Column, Table, numbered
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, numbered
 from tdint.units import suffix
 
 if TYPE_CHECKING:
@@ -16,73 +17,28 @@ if TYPE_CHECKING:
     from tdint.assessment.examples.paper_examples import ExampleRun
 
 
-DECLARATION = (
-    Column("method", "text", "integrator.label", "method with its parameters"),
-    Column.named("integrator.order", "declared order of accuracy"),
-    Column(
-        "observed_order",
-        "1",
-        "order",
-        "minimum of the orders of displacement and velocity, in free vibration and under a "
-        "harmonic force",
-    ),
-    Column(
-        "stability_limit",
-        "1",
-        _limit_or_none("integrator.stability_limit"),
-        "declared largest stable omega dt without damping",
-    ),
-    Column("measured_limit", "1", _limit_or_none("limit"), "measured largest stable omega dt"),
-    Column.named("integrator.rho_inf", "declared spectral radius for omega dt to infinity"),
-    Column("measured_rho_inf", "1", "rho_inf", "measured spectral radius for omega dt to infinity"),
-    Column("faults", "1", lambda result: len(result.faults), "number of incorrect declarations"),
+declared = ColumnFile(__file__)
+"""Columns of `tables.csv`."""
+
+DECLARATION = declared(
+    "declaration",
+    stability_limit=_limit_or_none("integrator.stability_limit"),
+    measured_limit=_limit_or_none("limit"),
+    faults=lambda result: len(result.faults),
 )
 
-_DT_OVER_T = Column.named("dt_over_t", "time step divided by the undamped period of the oscillator")
+_OSCILLATOR = (METHOD_SPEC, DAMPING, *declared("dt_over_t"))
 
-STABILITY: tuple[Column, ...] = (
-    METHOD_SPEC,
-    DAMPING,
-    _DT_OVER_T,
-    Column.named(
-        "spectral_radius", "maximum modulus of the eigenvalues of the amplification matrix"
-    ),
-    Column.named("period_error", "numerical damped period divided by exact damped period, minus 1"),
-    Column.named(
-        "numerical_damping",
-        "damping ratio of the numerical oscillation minus the exact damping ratio",
-    ),
-    Column.named(
-        "amplitude_decay", "fraction by which the method reduces the amplitude in one cycle"
-    ),
-    Column.named(
-        "spurious_radius", "maximum modulus of the eigenvalues other than the principal pair"
-    ),
-)
+STABILITY = (*_OSCILLATOR, *declared("stability"))
 
-OVERSHOOT: tuple[Column, ...] = (
-    METHOD_SPEC,
-    DAMPING,
-    _DT_OVER_T,
-    Column.named("start", "initial condition of the oscillator", TEXT),
-    Column("step", "1", numbered("displacement", 0), "number of the time step; 0 is the start"),
-    Column.named("displacement", "displacement divided by the maximum of the exact displacement"),
-    Column.named("velocity", "velocity divided by the maximum of the exact velocity"),
-    Column(
-        "displacement_power",
-        "1",
-        lambda result: _finite_or_nan(result.displacement_power),
-        "exponent of omega dt in the displacement after the first step; empty if this displacement "
-        "is zero",
+OVERSHOOT = (
+    *_OSCILLATOR,
+    *declared(
+        "overshoot",
+        step=numbered("displacement", 0),
+        displacement_power=lambda result: _finite_or_nan(result.displacement_power),
+        velocity_power=lambda result: _finite_or_nan(result.velocity_power),
     ),
-    Column(
-        "velocity_power",
-        "1",
-        lambda result: _finite_or_nan(result.velocity_power),
-        "exponent of omega dt in the velocity times dt after the first step; empty if this "
-        "velocity is zero",
-    ),
-    Column.named("law", "restoring force of the oscillator", TEXT),
 )
 
 
@@ -98,36 +54,16 @@ def _order(quantity: str) -> Column:
 
 ORDER = (
     METHOD_SPEC,
-    Column.named("load", "load of the oscillator", TEXT),
-    Column.named("law", "hysteretic law of the oscillator", TEXT),
-    Column.named(
-        "frequency_ratio", "frequency of the load divided by the frequency of the oscillator"
-    ),
+    *declared("order"),
     *map(_order, ("displacement", "velocity", "acceleration", "algorithmic_acceleration")),
-    Column(
-        "displacement_error",
-        "1",
-        lambda result: float(result.displacement[-1]),
-        "maximum error with the smallest time step, divided by the maximum displacement",
-    ),
+    *declared("order_error", displacement_error=lambda result: float(result.displacement[-1])),
 )
 
 
 FAILURE = (
-    Column.named("problem", "problem", TEXT),
+    *declared("failure-1"),
     METHOD_SPEC,
-    Column.named("dt", "time step", "s"),
-    Column.named(
-        "energy_ratio_min", "minimum energy divided by the maximum energy of the exact motion"
-    ),
-    Column.named(
-        "energy_ratio_max", "maximum energy divided by the maximum energy of the exact motion"
-    ),
-    Column.named("error", "error of the quantity in error_of"),
-    Column.named("outcome", "status with which `tdint run` ends", TEXT),
-    Column.named("verdict", "pass, the detected defect, or the type of failure", TEXT),
-    Column("end_s", "s", "time", "last time reached"),
-    Column("error_of", "text", _without_commas("error_of"), "quantity of the error"),
+    *declared("failure-2", error_of=_without_commas("error_of")),
 )
 
 
@@ -156,18 +92,18 @@ def _example_errors(reference: str, description: str, prefix: str = "") -> tuple
     return (*maxima, norm_column("rms"), norm_column("mean"))
 
 
+_EXAMPLE, *_RUN = declared("example", variant=lambda run: run.variant or None)
 EXAMPLE = (
-    Column.named("example", "example of the paper"),
+    _EXAMPLE,
     METHOD_SPEC,
-    Column("variant", "text", lambda run: run.variant or None, "variant of the analysis"),
-    Column.named("dt", "time step", "s"),
+    *_RUN,
     *_example_errors(
         "paper", "the reference of the paper: newmark-linear with time steps of 0.001 or 0.002 s"
     ),
     *_example_errors("finer", "rk5 with 8 times smaller time steps", "finer_"),
 )
 
-OUTCOME = Column.named("outcome", "status of the run", TEXT)
+(OUTCOME,) = declared("outcome")
 
 
 def rank(rank_of: Callable[[Any], int | None]) -> Column:
@@ -176,13 +112,8 @@ def rank(rank_of: Callable[[Any], int | None]) -> Column:
     `rank_of` is a function that receives a result and returns its rank from 1; None results in an
     empty cell.
     """
-    return Column(
-        "rank",
-        "1",
-        rank_of,
-        "rank of the method by the maximum displacement error (relative to --reference), from 1; "
-        "methods with equal errors (within 5 %) have the same rank",
-    )
+    (column,) = declared("rank", rank=rank_of)
+    return column
 
 
 def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
@@ -211,50 +142,23 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
     return Table.of_results((*EXAMPLE, rank(rank_of), OUTCOME), runs)
 
 
-def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
-    """Return the column of an error in the table of a work-precision diagram.
-
-    The cell of a point without errors, such as a failed run, is nan.
-
-    `name` is the start of the column name; the quantity by default.
-    """
-    return Column(
-        f"{name or quantity}_error",
-        "1",
-        lambda point: math.nan if point.errors is None else getattr(point.errors, quantity),
-        f"{meaning}, relative to the reference",
-    )
+def _error(quantity: str) -> Callable[[Any], float]:
+    """Return a function of a point of a work-precision diagram, which returns its error of a
+    quantity; nan for a point without errors, such as a failed run."""
+    return lambda point: math.nan if point.errors is None else getattr(point.errors, quantity)
 
 
-CHART_STORIES = Column.named("stories", "number of stories of the building")
+(CHART_STORIES,) = declared("chart_stories")
 
 CHART = (
     METHOD_SPEC,
-    Column.named("dt", "time step", "s"),
-    Column.named("steps", "number of time steps"),
-    Column.named(
-        "iterations",
-        "number of solutions of the equations; for scipy, number of evaluations of the derivatives",
-    ),
-    Column.named(
-        "time", "median time of the compiled loop, on the clock that the summary states", "s"
-    ),
-    Column("time_min_s", "s", "fastest", "minimum time of the compiled loop"),
-    _chart_error(
-        "displacement",
-        "error of the displacements relative to the ground (L2 norm of the response history)",
-    ),
-    _chart_error("drift", "error of the drifts (L2 norm of the response history)"),
-    _chart_error("peak_drift", "maximum error of the peak drift of a story"),
-    _chart_error(
-        "acceleration",
-        "error of the absolute accelerations (L2 norm of the response history)",
-        name="absolute_acceleration",
-    ),
-    Column.named("outcome", "status with which `tdint run` ends", TEXT),
-    _chart_error(
-        "velocity",
-        "error of the velocities relative to the ground (L2 norm of the response history)",
+    *declared(
+        "chart",
+        displacement_error=_error("displacement"),
+        drift_error=_error("drift"),
+        peak_drift_error=_error("peak_drift"),
+        absolute_acceleration_error=_error("acceleration"),
+        velocity_error=_error("velocity"),
     ),
 )
 
@@ -289,36 +193,12 @@ def _within(factor: float, name: str = "") -> Column:
 
 
 PROFILE = (
-    Column.named("quantity", "quantity of the error", TEXT),
-    Column.named("tolerance", "maximum relative error over the stories"),
+    *declared("profile-1"),
     METHOD_SPEC,
-    Column.named(
-        "problems",
-        "number of problems with a sufficiently accurate reference, minus those of not_run",
-    ),
-    Column.named(
-        "taken", "number of these problems that the method accepts; the others count as not solved"
-    ),
-    Column.named(
-        "not_run",
-        "number of excluded problems, for which no time step of the method is within the tolerance "
-        "and smaller time steps were not run",
-    ),
-    Column.named(
-        "solved",
-        "number of these problems that are within the tolerance with one time step and all smaller "
-        "time steps",
-    ),
+    *declared("profile-2"),
     _within(1.1, "cheapest"),
     *map(_within, (2.0, 5.0, 10.0)),
-    Column(
-        "median_ratio",
-        "1",
-        lambda result: _finite_or_nan(result.median),
-        "median over the problems in taken of cost divided by the minimum cost of the methods of "
-        "tdint; empty if half of these problems are not solved",
-    ),
-    Column("worst_ratio", "1", "worst", "maximum of this cost ratio over the solved problems"),
+    *declared("profile-3", median_ratio=lambda result: _finite_or_nan(result.median)),
 )
 
 
@@ -328,32 +208,11 @@ def profile_table(chart: FieldChart) -> Table:
     return Table.of_results(PROFILE, chart.profiles)
 
 
-VALIDATION = (
-    Column("case", "text", "case.name", "name of the case"),
-    Column("what", "text", _without_commas("case.title"), "subject of the case"),
-    Column("source", "text", _without_commas("case.source"), "source of the published numbers"),
-    Column(
-        "numbers",
-        "1",
-        lambda result: len(result.case.published),
-        "number of compared published numbers",
-    ),
-    Column("unit", "text", _without_commas("case.unit"), "unit of the numbers"),
-    Column.named(
-        "case.relative", "true if differences are relative to the published numbers", TEXT
-    ),
-    Column(
-        "largest_difference",
-        "1",
-        "largest",
-        "maximum difference between computed and published numbers",
-    ),
-    Column.named("case.tolerance", "maximum allowed difference"),
-    Column(
-        "difference_is",
-        "text",
-        _without_commas("case.difference_is"),
-        "cause of the difference: rounding of the source, numerical error or model error",
-    ),
-    Column.named("within", "true if all differences are within the tolerance", TEXT),
+VALIDATION = declared(
+    "validation",
+    what=_without_commas("case.title"),
+    source=_without_commas("case.source"),
+    numbers=lambda result: len(result.case.published),
+    unit=_without_commas("case.unit"),
+    difference_is=_without_commas("case.difference_is"),
 )
