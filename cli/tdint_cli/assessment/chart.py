@@ -19,7 +19,7 @@ from tdint_cli import options
 from tdint_cli.assessment import method_options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.grammar import Mode, refuse_idle
-from tdint_cli.options.option_types import Count, FileName, ListOf, Number, Ratio
+from tdint_cli.options.option_types import Count, FileName, ListOf, Number
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
@@ -57,30 +57,22 @@ class Request(options.record.RecordRequest):
     models: tuple[str, ...] = options.argument(
         "[MODEL.yaml]... [RECORD]...", nargs=-1, type=FileName()
     )
-    records: tuple[str, ...] = options.option(
-        "--record", heading=options.grammar.RECORD, type=FileName(), multiple=True
-    )
-    problems: str | None = options.option(type=FileName(), metavar="standard|FILE")
+    records: tuple[str, ...] = options.option("--record", multiple=True)
+    problems: str | None = options.option()
     methods: tuple[str, ...] = method_options.methods("ten methods, from impulse4 to exact,")
-    steps: tuple[float, ...] | None = options.analysis.option(
-        "--dt", type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)), metavar="SECONDS,..."
+    steps: tuple[float, ...] | None = options.option(
+        "--dt", type=ListOf(Number(0.0, MOST_SECONDS, min_open=True))
     )
-    halvings: int | None = options.analysis.option(rare=True, type=Count(0, 16))
-    stories: tuple[int, ...] | None = options.analysis.option(
-        type=ListOf(click.IntRange(1, MOST_STORIES)), metavar="COUNT,..."
-    )
-    duration: float | None = options.analysis.duration
+    halvings: int | None = options.option(type=Count(0, 16))
+    stories: tuple[int, ...] | None = options.option(type=ListOf(click.IntRange(1, MOST_STORIES)))
+    duration: float | None = options.option()
     peers: bool = options.option()
-    repeat: int = options.option(type=Count(1, 1000), default=5, rare=True)
-    tolerances: tuple[float, ...] | None = options.analysis.option(
-        "--tolerance", type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True))
-    )
+    repeat: int = options.option(type=Count(1, 1000), default=5)
+    tolerances: tuple[float, ...] | None = options.option("--tolerance")
     target_error: str = options.option(type=click.Choice(TARGETS), default=TARGETS[0])
-    versus: str = options.option(
-        needs="--plot", type=click.Choice(["time", "steps", "solves", "dt"]), default="time"
-    )
-    highlight: str = options.option(needs="--plot", default="", metavar="NAME")
-    cache: bool = options.option("--cache/--no-cache", default=True, rare=True)
+    versus: str = options.option(default="time")
+    highlight: str = options.option(default="")
+    cache: bool = options.option("--cache/--no-cache", default=True)
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
         """Return the request for one building under one ground motion."""

@@ -59,16 +59,12 @@ class Request:
         "[1|2|3]...", nargs=-1, type=click.Choice(["1", "2", "3"])
     )
     methods: tuple[str, ...] = method_options.methods("the seven methods of the paper")
-    dts: tuple[float, ...] | None = options.analysis.option(
-        "--dt", type=ListOf(Number(1e-3, 0.1)), metavar="SECONDS,..."
-    )
-    reference: str = options.analysis.option(type=click.Choice(["paper", "finer"]), default="paper")
-    output: str | None = options.output.output("DIR")
-    picture_format: str = options.output.option(
-        "--format", needs="-o", type=click.Choice(["png", "pdf", "svg"]), default="png"
-    )
-    all_figures: bool = options.output.option("--figures", needs="-o")
-    overwrite: bool = options.output.overwrite
+    dts: tuple[float, ...] | None = options.option("--dt", type=ListOf(Number(1e-3, 0.1)))
+    reference: str = options.option(default="paper")
+    output: str | None = options.output.output
+    picture_format: str = options.option("--format", default="png")
+    all_figures: bool = options.option("--figures")
+    overwrite: bool = options.option()
 
 
 @options.command(
@@ -77,7 +73,7 @@ class Request:
     "tdint examples 1 -o paper --figures",
 )
 @options.analysis.plugin
-@options.output.style_of("-o")
+@options.output.style
 @options.of(Request)
 def command(request: Request) -> None:
     """Reproduce the examples and figures of the paper that proposed impulse.

@@ -10,8 +10,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.analysis import method_name, option, plugin
-from tdint_cli.options.option_types import ListOf, Ratio
+from tdint_cli.options.analysis import method_name, plugin
 from tdint_cli.options.output import Outputs, to_files
 from tdint_cli.terminal import note
 
@@ -27,13 +26,12 @@ results consist of rounding errors."""
 def methods(text: str) -> grammar.Declaration:
     """Declare the option --method of commands that accept several methods; `text` describes the
     default."""
-    return option(
+    return grammar.option(
         "--method",
         "methods",
         type=method_name,
         multiple=True,
         callback=_specifications,
-        metavar="SPEC,...",
         help="Time-integration methods with their parameters, such as "
         f"newmark:beta=0.25:gamma=0.5; {text} by default.",
     )
@@ -79,10 +77,7 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
     return grammar.option(
         "--all",
         "draw_all",
-        heading=grammar.OUTPUT,
-        needs="--plot",
         is_flag=True,
-        rare=True,
         help=f"Plot all methods; by default, without --method, the figure shows "
         f"{', '.join(names)}. The table always includes all methods.",
     )
@@ -118,7 +113,7 @@ class OscillatorRequest:
 
 def oscillator_options(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
     """Declare the options of an `OscillatorRequest`; `names` are the methods plotted by default."""
-    damping = option("--damping", type=ListOf(Ratio(0.0)), default=(0.0,))
+    damping = grammar.option("--damping", default=(0.0,))
     files = to_files(picture=True, more=[draw_all(names)], in_units=False)
     return grammar.together(plugin, all_methods, damping, files)
 

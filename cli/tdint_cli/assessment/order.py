@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import click
-
 from tdint import assessment
 from tdint.errors import AnalysisError, TdintError
 from tdint.grids import Grid
@@ -30,17 +28,11 @@ _RATIOS = Grid(0.2, 5.0, 15)
 )
 @options.analysis.plugin
 @method_options.all_methods
-@options.option("--load", type=click.Choice(["free", "harmonic", "record"]), default="harmonic")
-@options.option("--law", type=click.Choice(["linear", "polynomial"]), default="linear")
-@options.option(
-    "--frequency-ratio",
-    needs="--load harmonic",
-    type=grid(0.01, 10.0),  # at 10, a period of the load has five of the coarsest time steps
-    metavar="FIRST:LAST:COUNT",
-    help="Frequency of the harmonic force divided by the natural frequency: logarithmically spaced "
-    f"from FIRST to LAST, or a single ratio; {_RATIOS} by default.",
-)
-@options.option("--stride", needs="--load record", type=Count(1, 1024), default=1)
+@options.option("--load", default="harmonic")
+@options.option("--law", default="linear")
+# At a ratio of 10, a period of the load has five of the coarsest time steps.
+@options.option("--frequency-ratio", type=grid(0.01, 10.0))
+@options.option("--stride", type=Count(1, 1024), default=1)
 @options.output.to_files(picture=True, in_units=False)
 def command(
     methods: tuple[str, ...],

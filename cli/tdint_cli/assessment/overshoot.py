@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import click
-
 from tdint import assessment
 from tdint.output import tables
 from tdint_cli import options
@@ -26,13 +24,9 @@ _DRAWN = tuple(name for name in method_options.DRAWN if name != "central-differe
 class Request(method_options.OscillatorRequest):
     """The command line of `tdint overshoot`."""
 
-    dt_over_t: float = options.analysis.option(
-        type=Number(*method_options.DT_OVER_T), default=10.0, metavar="RATIO"
-    )
-    steps: int = options.analysis.option(type=Count(1, _MAX_STEPS), default=10)
-    law: str = options.analysis.option(
-        type=click.Choice(["linear", "hardening", "softening"]), default="linear"
-    )
+    dt_over_t: float = options.option(type=Number(*method_options.DT_OVER_T), default=10.0)
+    steps: int = options.option(type=Count(1, _MAX_STEPS), default=10)
+    law: str = options.option(default="linear")
 
 
 @options.command(

@@ -20,12 +20,8 @@ _DRAWN = method_options.DRAWN
 class Request(method_options.OscillatorRequest):
     """The command line of `tdint stability`."""
 
-    dt_over_t: tuple[Grid, ...] = options.analysis.option(
-        type=ListOf(grid(*method_options.DT_OVER_T)),
-        default=(_STEPS,),
-        metavar="RATIO,...|FIRST:LAST:COUNT",
-        help="Time steps divided by the undamped period: values, or a logarithmically spaced grid "
-        f"FIRST:LAST:COUNT (default {_STEPS}).",
+    dt_over_t: tuple[Grid, ...] = options.option(
+        type=ListOf(grid(*method_options.DT_OVER_T)), default=(_STEPS,)
     )
     beta_scan: bool = options.option(
         help=f"Add (without --method: use) impulse with beta {', '.join(BETAS)}, and {_BAND[2]} "

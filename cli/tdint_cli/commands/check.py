@@ -29,17 +29,9 @@ MODES = (_MODELS, _SCHEMA, _PLUGINS)
     "tdint check --schema campaign",
     exits={3: "a file is invalid", 5: "a plug-in contradicts its declared properties"},
 )
-@options.analysis.plugins(
-    " Without models, its methods are compared with their declared properties, in a table."
-)
+@options.analysis.plugins
 @click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
-@options.option(
-    "--schema",
-    is_flag=False,
-    flag_value="model",
-    type=click.Choice(["model", "campaign"]),
-    metavar="[model|campaign]",
-)
+@options.option("--schema", is_flag=False, flag_value="model")
 @options.output.units
 def command(
     models: tuple[str, ...],

@@ -40,14 +40,13 @@ class Request:
     targets: tuple[str, ...] | None = options.option(
         "--target",
         type=ListOf(click.Choice(TARGETS)),
-        metavar="NAME,...",
         help=f"Target processors: native (this machine, default); {', '.join(_PROCESSORS)}; for "
         f"another system with the prefix {', '.join(_SYSTEMS)}: macos-aarch64.",
     )
-    method: str | None = options.analysis.method_of("MODEL.yaml")
+    method: str | None = options.analysis.method
     show: bool = options.option()
     clean: bool = options.option()
-    output: str | None = options.output.output("DIR")
+    output: str | None = options.output.output
 
 
 @options.command("compile", "tdint compile office.yaml", "tdint compile office.yaml --show")

@@ -12,7 +12,6 @@ from tdint.grids import Grid
 from tdint.response.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint_cli import options
 from tdint_cli.commands.spectrum import Results, TablesRequest, TableType, make_tables
-from tdint_cli.options.option_types import Number
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -26,22 +25,12 @@ class DriftRequest(TablesRequest):
 
     DEFAULT_PERIODS = DRIFT_PERIODS
 
-    damping: tuple[float, ...] = options.spectra.damping()
-    periods: tuple[float | Grid, ...] | None = options.spectra.periods(DRIFT_PERIODS)
-    stories: int | None = options.spectra.option(type=click.IntRange(1), metavar="N")
-    story_height: float | None = options.spectra.option(
-        type=Number(0.0, min_open=True),
-        metavar="METERS",
-        help="Story height, from which the number of stories is computed without --stories: "
-        f"building height divided by it, rounded, at least 1; {STORY_HEIGHT:g} by default.",
-    )
-    height_period: str = options.spectra.option(
-        metavar="A,B",
-        default=_HEIGHT_PERIOD,
-        help="Coefficients of T = A H^B, in s and m, for the height H of a building with the "
-        f"fundamental period T; {_HEIGHT_PERIOD} by default.",
-    )
-    beam: bool = options.spectra.option()
+    damping: tuple[float, ...] = options.spectra.damping
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods
+    stories: int | None = options.option(type=click.IntRange(1))
+    story_height: float | None = options.option()
+    height_period: str = options.option(default=_HEIGHT_PERIOD)
+    beam: bool = options.option()
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of all spectra, and the story height or its default value."""

@@ -13,7 +13,6 @@ from tdint.files import check_outputs, is_folder, write_files
 from tdint.output import figures, tables
 from tdint.units import SI
 from tdint_cli import options
-from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs, beside
 from tdint_cli.options.record import RecordsRequest, notes_of_components
 from tdint_cli.processes import Task, outcomes
@@ -39,7 +38,7 @@ class Request(RecordsRequest):
 
 
 _MSEED, _CSV, _YAML = ".mseed", ".csv", ".yaml"
-_EXPORT = options.output.option("--export", type=FileName(written=True), metavar="FILE|DIR")
+_EXPORT = options.option("--export")
 
 
 @options.command(

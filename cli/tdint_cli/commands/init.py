@@ -93,35 +93,19 @@ class Request:
     """The command line of `tdint init`."""
 
     file: str = options.argument("[FILE]", default=FILE, type=FileName(written=True))
-    stories: int = options.option(
-        type=Count(1, _MAX_STORIES),
-        default=_STORIES,
-        help=f"Number of stories; {_STORIES} by default.",
-    )
-    period: float | None = options.option(
-        type=click.FloatRange(0.0, 100.0, min_open=True), metavar="SECONDS"
-    )
+    stories: int = options.option(type=Count(1, _MAX_STORIES), default=_STORIES)
+    period: float | None = options.option(type=click.FloatRange(0.0, 100.0, min_open=True))
     weights: tuple[float, ...] | None = options.option(type=Written("weight,...", _weights))
     isolated: bool = options.option()
     tuned_mass_damper: bool = options.option()
-    from_pushover: str | None = options.option(
-        type=FileName(), needs="--weights", metavar="CURVES.csv"
-    )
-    law: str = options.option(
-        needs="--from-pushover",
-        type=click.Choice(["bilinear", "trilinear", "multilinear"]),
-        default="bilinear",
-    )
-    motion: str | None = options.option(metavar="NAME:PARAMETERS")
+    from_pushover: str | None = options.option()
+    law: str = options.option(default="bilinear")
+    motion: str | None = options.option()
     structure: str | None = options.option("--type", type=Written("name", names=_structures))
-    year: int | None = options.option(
-        type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR"
-    )
-    area: float | None = options.option(
-        needs="--type", type=click.FloatRange(0.0, min_open=True), metavar="AREA"
-    )
-    units: str = options.option(type=click.Choice(["si", "us"]), default="si")
-    overwrite: bool = options.output.overwrite
+    year: int | None = options.option(type=click.IntRange(1000, 2200))
+    area: float | None = options.option(type=click.FloatRange(0.0, min_open=True))
+    units: str = options.option(default="si")
+    overwrite: bool = options.option()
 
 
 @options.command(

@@ -12,7 +12,7 @@ from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
-from tdint_cli.options.option_types import Count, FileName, ListOf, drift_size
+from tdint_cli.options.option_types import ListOf, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
@@ -35,15 +35,15 @@ class Request:
 
     model: str
     outputs: Outputs
-    story: int = options.option(type=click.IntRange(min=1), default=1, metavar="NUMBER")
-    element: str | None = options.option(metavar="NAME")
+    story: int = options.option(type=click.IntRange(min=1), default=1)
+    element: str | None = options.option()
     drifts: tuple[DriftSize, ...] | None = options.option(
         "--drift", type=ListOf(drift_size, once=False)
     )
-    cycles: int | None = options.option(type=Count(min=1))
-    points: int | None = options.option(type=Count(min=1))
-    path: str | None = options.option(type=FileName())
-    units: str | None = options.option(needs="--path", type=click.Choice(["m", "dy"]))
+    cycles: int | None = options.option()
+    points: int | None = options.option()
+    path: str | None = options.option()
+    units: str | None = options.option()
 
 
 @options.command(

@@ -6,8 +6,6 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import click
-
 from tdint.errors import TdintError, UsageError
 from tdint.output import figures, tables
 from tdint.output.spectrum_text import spectrum_text
@@ -42,14 +40,8 @@ MODES = (
     "tdint modes office.yaml --target ec8:type=1,soil=B,ag=0.25g",
 )
 @options.analysis.model
-@options.option(
-    "--shapes",
-    is_flag=False,
-    flag_value="roof",
-    type=click.Choice(["roof", "participation"]),
-    metavar="[roof|participation]",
-)
-@options.option("--transfer", is_flag=False, flag_value=_GROUND, metavar="[ground|FLOOR]")
+@options.option("--shapes", is_flag=False, flag_value="roof")
+@options.option("--transfer", is_flag=False, flag_value=_GROUND)
 @options.spectra.target(
     "Run a response spectrum analysis and write the peak responses of the stories instead of the "
     "modes"

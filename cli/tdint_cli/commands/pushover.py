@@ -12,7 +12,7 @@ import click
 from tdint.errors import AnalysisError
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.option_types import Count, Number, drift_size
+from tdint_cli.options.option_types import Count, Number
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import note, say, warn
 
@@ -30,27 +30,18 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
     "tdint pushover office.yaml --target asce7:sds=1.0,sd1=0.6,tl=8",
 )
 @options.analysis.model
-@options.option("--pattern", metavar="NAME|FORCE,...", default="first-mode")
-@options.option("--drift", type=drift_size, default="4%")
+@options.option("--pattern", default="first-mode")
+@options.option("--drift", default="4%")
 @options.option("--points", type=Count(1, 100_000), default=200)
 @options.spectra.target(
     "Write the target displacement for a design spectrum instead of the pushover curve"
 )
 @options.option(
     "--site-class",
-    needs="--target",
     type=click.Choice(("A", "B", "C", "D", "E", "F"), case_sensitive=False),
     default="D",
-    rare=True,
 )
-@options.option(
-    "--mass-factor",
-    needs="--target",
-    type=Number(0.0, 1.0, min_open=True),
-    default=1.0,
-    metavar="C_M",
-    rare=True,
-)
+@options.option("--mass-factor", type=Number(0.0, 1.0, min_open=True), default=1.0)
 @options.output.to_files(picture=True, page=True)
 def command(
     model: str,

@@ -7,16 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
+
 from tdint.errors import UsageError
 from tdint.files import check_outputs
 from tdint.units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion
 from tdint_cli.options.grammar import Mode
-from tdint_cli.options.option_types import BESIDE, Count, FileName, Number, Ratio
+from tdint_cli.options.option_types import BESIDE, FileName, Number
 from tdint_cli.options.output import picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
-from tdint_cli.options.suite import CHANGED, LIMIT, REQUIRE, SuiteRequest
+from tdint_cli.options.suite import LIMIT, SuiteRequest
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ELEMENTS = "elements.csv"
@@ -72,42 +74,29 @@ class Request(BuildingRequest, SuiteRequest):
     """The record files of a sequence; empty for a run under one record."""
 
     records: tuple[str, ...] = options.argument("[RECORD]...", nargs=-1, type=FileName())
-    factors: str | None = options.record.option(type=FileName(), rare=True)
-    sequence: bool = options.record.option(rare=True)
-    rest: float | None = options.record.option(
-        needs="--sequence", type=Number(0.0), metavar="SECONDS", rare=True
-    )
+    factors: str | None = options.option()
+    sequence: bool = options.option()
+    rest: float | None = options.option(type=Number(0.0))
     method: str | None = options.analysis.method
-    dt: float | None = options.analysis.dt
-    duration: float | None = options.analysis.duration
-    until_rest: bool = options.analysis.until_rest
-    output: str | None = options.output.output("DIR")
-    history: str | None = options.output.option(
-        is_flag=False,
-        flag_value=BESIDE,
-        type=FileName(written=True),
-        metavar="[FILE]",
-        help="Also write response histories of floors, stories and energies to this file (.csv, "
-        f".csv.gz), or without a file to {HISTORY} in the directory of -o.",
-    )
-    history_every: int = options.output.option(
-        needs="--history", type=Count(1), default=1, rare=True
-    )
-    export_floors: str | None = options.spectra.export_floors
-    plot: str | None = options.output.plot()
+    dt: float | None = options.option()
+    duration: float | None = options.option()
+    until_rest: bool = options.option()
+    output: str | None = options.output.output
+    history: str | None = options.option(is_flag=False, flag_value=BESIDE)
+    history_every: int = options.option(default=1)
+    export_floors: str | None = options.option(type=click.Choice(["mseed"]))
+    plot: str | None = options.output.plot
     report: str | None = options.output.report
-    output_units: OutputUnits | None = options.output.units
-    overwrite: bool = options.output.overwrite
-    changed: bool = CHANGED
-    check: bool | None = options.analysis.option("--check/--no-check", default=None)
-    tolerance: float | None = options.analysis.option(
-        type=Ratio(0.0, 1.0, min_open=True, max_open=True), metavar="1%"
-    )
+    output_units: OutputUnits | None = options.option()
+    overwrite: bool = options.option()
+    changed: bool = options.option()
+    check: bool | None = options.option("--check/--no-check", default=None)
+    tolerance: float | None = options.option()
     limit: float | str | None = LIMIT
-    require: bool = REQUIRE
-    pair_demand: str | None = options.record.pair_demand()
-    allow_unstable: bool = options.analysis.option(rare=True)
-    jobs: int | None = options.output.threads()
+    require: bool = options.option()
+    pair_demand: str | None = options.option()
+    allow_unstable: bool = options.option()
+    jobs: int | None = options.option()
 
     def check_sequence(self) -> None:
         """Raise UsageError if the records or the factors of --sequence are invalid.

@@ -27,7 +27,7 @@ from tdint.output.presentation import PRESENTATIONS
 from tdint.response.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint_cli import options
 from tdint_cli.drawing import reading_width, table_bytes
-from tdint_cli.options import grammar, option_types
+from tdint_cli.options import option_types
 from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.options.option_types import BESIDE
 from tdint_cli.options.output import SUFFIX, Outputs, beside, picture_file
@@ -53,9 +53,7 @@ if TYPE_CHECKING:
 # ---- This part contains the command lines of `spectrum` and `drift-spectrum`, and the interface of
 # a type of table over the period.
 
-AXES = options.output.option(
-    "--axes", needs="--plot", type=click.Choice(["periods", "tripartite", "adrs"]), rare=True
-)
+AXES = options.option("--axes")
 
 _NOT_SETTINGS = (
     "choice",
@@ -189,64 +187,31 @@ _FOURIER_SETTINGS = ("units", "component", "inventory", "layout", "processing", 
 class SpectrumRequest(TablesRequest):
     """The command line of `tdint spectrum`."""
 
-    damping: tuple[float, ...] = options.spectra.damping()
-    periods: tuple[float | Grid, ...] | None = options.spectra.periods(
-        PERIODS, " 0 gives the peak ground acceleration."
-    )
+    damping: tuple[float, ...] = options.spectra.damping
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods
     method: str | None = options.analysis.method
-    maxima: str | None = options.spectra.option(
-        type=click.Choice(["exact", "peer", "samples"]), rare=True
+    maxima: str | None = options.option()
+    interpolation: str | None = options.option()
+    rotd: tuple[int, ...] | None = options.option(type=option_types.ListOf(click.IntRange(0, 100)))
+    pairs: PairNames | None = options.option()
+    ductility: tuple[float, ...] | None = options.option(
+        type=option_types.ListOf(option_types.Number(1.0, MOST_DUCTILE))
     )
-    interpolation: str | None = options.spectra.option(
-        type=click.Choice(["linear", "band-limited"]), rare=True
+    strength: tuple[float, ...] | None = options.option(
+        type=option_types.ListOf(option_types.Ratio(0.0, min_open=True))
     )
-    rotd: tuple[int, ...] | None = options.spectra.option(
-        type=option_types.ListOf(click.IntRange(0, 100)), metavar="P,..."
-    )
-    pairs: PairNames | None = options.spectra.option(
-        needs="--rotd", type=option_types.pair_names, rare=True
-    )
-    ductility: tuple[float, ...] | None = options.spectra.option(
-        type=option_types.ListOf(option_types.Number(1.0, MOST_DUCTILE)), metavar="MU,..."
-    )
-    strength: tuple[float, ...] | None = options.spectra.option(
-        rare=True, type=option_types.ListOf(option_types.Ratio(0.0, min_open=True))
-    )
-    reduction: tuple[float, ...] | None = options.spectra.option(
-        rare=True,
-        type=option_types.ListOf(option_types.Number(0.0, min_open=True)),
-        metavar="R,...",
-    )
-    hardening: float | None = options.spectra.option(
-        needs="--ductility, --strength or --reduction",
-        type=option_types.Ratio(0.0, 1.0, max_open=True),
-        rare=True,
-    )
-    oscillator: tuple[float, ...] | None = options.spectra.option(
-        needs="--history",
-        type=option_types.ListOf(option_types.Number(0.0, min_open=True)),
-        metavar="SECONDS,...",
-        rare=True,
-    )
-    history: str | None = options.spectra.option(
-        needs="--oscillator", is_flag=False, flag_value=option_types.BESIDE, metavar="", rare=True
-    )
+    reduction: tuple[float, ...] | None = options.option()
+    hardening: float | None = options.option()
+    oscillator: tuple[float, ...] | None = options.option()
+    history: str | None = options.option(is_flag=False, flag_value=option_types.BESIDE, metavar="")
     target: str | None = options.spectra.target(
         "Draw this spectrum with the spectra of the records (--plot) or, without RECORD, write it "
-        "as a table",
-        grammar.SPECTRUM,
+        "as a table"
     )
-    against: str | None = options.spectra.option(type=option_types.FileName(), rare=True)
-    against_column: str | None = options.spectra.option(
-        needs="--against", metavar="NAME", rare=True
-    )
-    fourier: bool = options.spectra.option()
-    smoothing: float | None = options.spectra.option(
-        needs="--fourier",
-        type=option_types.Written("bandwidth", _bandwidth),
-        metavar="B|none",
-        rare=True,
-    )
+    against: str | None = options.option()
+    against_column: str | None = options.option()
+    fourier: bool = options.option()
+    smoothing: float | None = options.option(type=option_types.Written("bandwidth", _bandwidth))
     axes: str | None
     scale: float | None
 

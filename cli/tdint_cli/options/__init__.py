@@ -1,4 +1,5 @@
-"""The options of the commands, each declared once: a module for each heading of the help."""
+"""The options of the commands. `options.csv` lists them; a module for each heading declares options
+with functions of their own."""
 
 from typing import TYPE_CHECKING
 

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.option_types import FileName, ListOf, Ratio, Written
+from tdint_cli.options.option_types import FileName, ListOf, Written
 from tdint_cli.options.record import RecordRequest
 from tdint_cli.terminal import warn
 
 if TYPE_CHECKING:
     from tdint.model.definition import Model, RecordSource
-
-
-option = partial(grammar.option, heading=grammar.ANALYSIS)
 
 
 def _methods() -> list[str]:
@@ -30,12 +26,6 @@ def _methods() -> list[str]:
 
 
 method_name = Written("name", names=_methods)
-damping_ratio = Ratio(0.0, 1.0, max_open=True)
-
-
-def damping_of(**settings: Any) -> grammar.Declaration:
-    """Declare the option --damping with a single ratio."""
-    return grammar.option("--damping", type=damping_ratio, default=0.05, **settings)
 
 
 def _load(
@@ -54,45 +44,11 @@ def _load(
     return files
 
 
-def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
-    """Declare the option --plugin.
+plugins = grammar.option("--plugin", "plugins", is_eager=True, callback=_load)
+plugin = grammar.option("--plugin", "plugins", is_eager=True, callback=_load, expose_value=False)
+"""The option --plugin; a command with `plugins` receives the files as an argument."""
 
-    Parameters
-    ----------
-    text : str
-        Sentence of the help text on an additional effect in a command; empty by default.
-    exposed : bool
-        True (the default) if the command receives the files as the argument `plugins`.
-    """
-    return option(
-        "--plugin",
-        "plugins",
-        type=ListOf(FileName()),
-        is_eager=True,
-        expose_value=exposed,
-        callback=_load,
-        metavar="FILE.py,...",
-        rare=True,
-        help="Python file with user-defined methods (tuple METHODS), hysteretic laws (LAWS) or "
-        "programs for `tdint chart` (PEERS); the file is executed." + text,
-    )
-
-
-plugin = plugins(exposed=False)
-
-
-def method_of(needs: str) -> grammar.Declaration:
-    """Declare the option --method; `needs` is the option that it requires."""
-    return option("--method", type=method_name, needs=needs, metavar="SPEC")
-
-
-method = method_of("")
-
-
-dt = option("--dt", type=float, metavar="SECONDS")
-duration = option("--duration", type=float, metavar="SECONDS", rare=True)
-
-until_rest = option("--until-rest", is_flag=True)
+method = grammar.option("--method", type=method_name)
 
 
 # ---- This part combines the model and the options of the record: the building of a command line

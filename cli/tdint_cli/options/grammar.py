@@ -17,7 +17,7 @@ import click
 from click.core import ParameterSource
 
 from tdint.errors import UsageError
-from tdint_cli.options.option_types import ListOf, argument_name
+from tdint_cli.options.option_types import ListOf, argument_name, named_type
 from tdint_cli.terminal import Settings, emit
 
 # The help of a command lists options under headings, which do not depend on the order of
@@ -60,7 +60,7 @@ class HeadedOption(click.Option):
     def __init__(
         self,
         *arguments: Any,
-        heading: str,
+        heading: str = OWN,
         needs: str = "",
         rare: bool = True,
         recorded: bool = True,
@@ -107,7 +107,21 @@ class Declaration(_Value):
 
     def __call__(self, command: Function) -> Function:
         """Add the option to the function of a command; a declaration is used as a decorator."""
-        return together(self.declare(*self.names, **self.settings), *self.behind)(command)
+        settings = self.settings
+        if self.declare is click.option:
+            name = [word for word in self.names if word.startswith("-")][-1].partition("/")[0]
+            # The module of a command has its name.
+            command_name = command.__module__.rpartition(".")[2].replace("_", "-")
+            settings = {"cls": HeadedOption} | listed_settings(command_name, name) | settings
+            value_type = settings.get("type")
+            # Subclasses of ListOf are options that are not repeated.
+            if type(value_type) is ListOf:
+                settings = {"multiple": True, "callback": value_type.joined} | settings
+            # In the help, brackets enclose the parts that may be omitted. One of several values
+            # must be given.
+            if isinstance(value_type, click.Choice):
+                settings = {"metavar": "|".join(map(str, value_type.choices))} | settings
+        return together(self.declare(*self.names, **settings), *self.behind)(command)
 
     def for_field(self, name: str, annotation: str) -> Declaration:
         """Return the declaration for a field of a request.
@@ -127,43 +141,49 @@ class Declaration(_Value):
 
 
 def option(
-    *names: str,
-    heading: str = OWN,
-    rare: bool = False,
-    needs: str = "",
-    recorded: bool = True,
-    behind: Sequence[Callable[[Any], Any]] = (),
-    **settings: Any,
+    *names: str, behind: Sequence[Callable[[Any], Any]] = (), **settings: Any
 ) -> Declaration:
-    """Declare an option as `click.option` does, under a heading.
-
-    Parameters
-    ----------
-    heading : str
-        The heading in the help, an item of `ORDER`.
-    rare : bool
-        True for an option that most users never need; only `--help-all` shows it. `COMMAND --help`
-        shows all other options, with the first clauses of their help. A command has at most
-        `COMMON` of these options, and its help has at most `LINES` lines.
-    needs : str
-        The options that it requires: an option (`--history`), one of several options (`--ductility
-        or --strength`), or an option with one of several values (`--im sa or sa-avg`), which its
-        default value also fulfills. Without these options, the option is refused.
-    recorded : bool
-        True if the JSON file of a result records the option. An option that specifies where or how
-        a command runs, without effect on results, is not recorded.
-    """
-    # Subclasses of ListOf are options that are not repeated.
-    value_type = settings.get("type")
-    if type(value_type) is ListOf:
-        settings = {"multiple": True, "callback": value_type.joined} | settings
-    # In the help, brackets enclose the parts that may be omitted. One of several values must be
-    # given.
-    if isinstance(value_type, click.Choice) and "metavar" not in settings:
-        settings["metavar"] = "|".join(map(str, value_type.choices))
-    settings |= {"cls": HeadedOption, "heading": heading, "needs": needs, "rare": rare}
-    settings |= {"recorded": recorded}
+    """Declare an option as `click.option` does. Its other settings are in `options.csv`
+    (`listed_settings`); an argument replaces the setting in the table."""
     return Declaration(click.option, names, settings, behind)
+
+
+@cache
+def _rows() -> dict[tuple[str, str], dict[str, str]]:
+    """Return the rows of `options.csv` by command (empty: every other command) and option."""
+    file = Path(__file__).with_name("options.csv")
+    with file.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    return {(command, row["option"]): row for row in rows for command in row["commands"].split(" ")}
+
+
+def listed_settings(command: str, option: str) -> dict[str, Any]:
+    """Return the settings of an option that `options.csv` contains: a row for a command replaces
+    the row for all commands, but an empty help means the same text.
+
+    The columns are the heading in the help; `level`, which is `rare` for an option that most users
+    never need, so that only `--help-all` shows it (a command has at most `COMMON` other options);
+    the type of the values (`named_type`) and their name in the help; `needs`, the options that the
+    option requires; and `recorded`, which is `no` if the JSON files of results do not record the
+    option, because it specifies where or how a command runs.
+
+    `needs` is an option (`--history`), one of several options (`--ductility or --strength`), or an
+    option with one of several values (`--im sa or sa-avg`), which its default value also fulfills.
+    Without these options, the option is refused.
+    """
+    general = _rows().get(("", option), {})
+    row = _rows().get((command, option), general)
+    settings: dict[str, Any] = {
+        name: row[name] for name in ("heading", "metavar", "needs") if row.get(name)
+    }
+    if text := row.get("help") or general.get("help"):
+        settings["help"] = text
+    if type_name := row.get("type"):
+        settings["type"] = named_type(type_name)
+    return settings | {
+        "rare": row.get("level") == "rare",
+        "recorded": row.get("recorded") != "no",
+    }
 
 
 def argument(metavar: str, **settings: Any) -> Declaration:
@@ -366,32 +386,12 @@ COMMON, LINES = 20, 50
 one screen."""
 
 
-@cache
-def _helps() -> dict[tuple[str, str], str]:
-    """Return the texts of `help.csv` by command (empty: every other command) and option."""
-    file = Path(__file__).with_name("help.csv")
-    with file.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    return {
-        (command, row["option"]): row["help"]
-        for row in rows
-        for command in row["commands"].split(" ")
-    }
-
-
-def _help_of(command: str, option: str) -> str | None:
-    """Return the help of an option of a command, which `help.csv` declares."""
-    texts = _helps()
-    return texts.get((command, option)) or texts.get(("", option))
-
-
 class Command(HelpAsData):
     """A command with help in two levels and the options that every command has.
 
     `--help` shows the first two sentences of the docstring of the function, `examples`, the options
     that are not `rare`, and `exits`, the meanings of exit codes of the command. `--help-all` shows
-    the complete docstring and all options under their headings. Options that are declared without
-    help have the text of `help.csv`.
+    the complete docstring and all options under their headings.
 
     Parameters
     ----------
@@ -411,9 +411,6 @@ class Command(HelpAsData):
         text = "Show all options and a detailed description of the command, and exit."
         all_help = flag(["--help-all"], shown_when_asked(self.all_help), text)
         settings["params"] = [*(settings.get("params") or ()), *general(), all_help]
-        for option in settings["params"]:
-            if isinstance(option, HeadedOption) and option.help is None:
-                option.help = _help_of(name or "", option.opts[-1])
         super().__init__(name, **settings)
         self.examples = examples
         self.exits = exits or {}

@@ -88,6 +88,9 @@ drift_ratio = Ratio(0.0, 1.0, min_open=True)
 """Option type of a drift ratio. A drift above the story height is a percentage without its sign."""
 
 
+damping_ratio = Ratio(0.0, 1.0, max_open=True)
+
+
 class Nonzero(Number):
     """Option type of a number other than zero."""
 
@@ -274,6 +277,16 @@ def _period(text: str) -> float | None:
     return float(Number(0.0, min_open=True).convert(text, None, None))
 
 
+class _Periods(Number):
+    """Option type of a period in s, or of a grid of periods FIRST:LAST:COUNT."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a number, or a grid for a text with a colon."""
+        if isinstance(value, str) and ":" in value:
+            return grid().read(value)
+        return super().convert(value, param, ctx)
+
+
 span = Written("LOW:HIGH", _span)
 """LOW:HIGH, two numbers or ratios; an omitted LOW is 0, an omitted HIGH is infinity."""
 
@@ -368,8 +381,6 @@ class FileName(ValueType):
 
     Parameters
     ----------
-    folder : bool
-        True for the name of a directory; false by default.
     written : bool
         True for an output. By default the file is an input, which the command never replaces.
     check : callable, optional
@@ -382,11 +393,9 @@ class FileName(ValueType):
     def __init__(
         self,
         *,
-        folder: bool = False,
         written: bool = False,
         check: Callable[[str, Any], str | None] | None = None,
     ) -> None:
-        self.path_type = "dir" if folder else "file"
         self.written = written
         self.check = check
 
@@ -410,9 +419,43 @@ class FileName(ValueType):
         """Return an item that requests completion of paths by the shell."""
         from click.shell_completion import CompletionItem
 
-        return [CompletionItem(incomplete, type=self.path_type)]
+        path_type = "dir" if param.metavar == "DIR" else "file"
+        return [CompletionItem(incomplete, type=path_type)]
 
 
 BESIDE = "\0"
 """Value of --plot or --history without a file name, for a default name next to the table. It is a
 null character, which no file name can contain."""
+
+
+_NAMED_TYPES: dict[str, Any] = {
+    "count": Count(1),
+    "damping": damping_ratio,
+    "drift": drift_size,
+    "drift ratio": drift_ratio,
+    "file": FileName(),
+    "fraction": Ratio(0.0, 1.0, min_open=True, max_open=True),
+    "intensity": intensity,
+    "name": Written("name"),
+    "new file": FileName(written=True),
+    "nonzero": Nonzero(),
+    "number": float,
+    "pair names": pair_names,
+    "period": period,
+    "periods": _Periods(0.0),
+    "periods except 0": _Periods(0.0, min_open=True),
+    "positive": Number(0.0, min_open=True),
+    "ratio": Ratio(0.0),
+    "span": span,
+    "text": click.STRING,
+    "threads": click.IntRange(1, 1024),
+    "units": OutputUnitsType(),
+}
+
+
+def named_type(name: str) -> Any:
+    """Return the option type with a name in `options.csv`. `NAME,...` is a list of values of a
+    type, and `a|b|c` is one of these words."""
+    if name.endswith(",..."):
+        return ListOf(named_type(name.removesuffix(",...")))
+    return click.Choice(name.split("|")) if "|" in name else _NAMED_TYPES[name]

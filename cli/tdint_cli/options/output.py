@@ -7,7 +7,6 @@ import os
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import Function
-from tdint_cli.options.option_types import BESIDE, FileName, OutputUnitsType
+from tdint_cli.options.option_types import BESIDE, FileName
 from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
@@ -28,26 +27,11 @@ if TYPE_CHECKING:
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
 
-option = partial(grammar.option, heading=grammar.OUTPUT)
-
 SUFFIX = ".png"
 """Default suffix of a figure, for --plot without a file name."""
 
 _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 """Suffixes that are wrong for a table: programs would report the file as corrupt."""
-
-
-def output(metavar: str = "FILE") -> grammar.Declaration:
-    """Declare the option -o of a command.
-
-    Parameters
-    ----------
-    metavar : str
-        FILE if the command writes a file, DIR if it writes a directory, FILE|DIR if it writes a
-        file or a directory.
-    """
-    file_type = FileName(folder=metavar == "DIR", written=True, check=_check_output)
-    return option("-o", "--output", type=file_type, metavar=metavar)
 
 
 def _check_output(value: str, parameter: click.Parameter) -> str | None:
@@ -117,18 +101,6 @@ def _check_plot(value: str, parameter: click.Parameter) -> str:
     return value
 
 
-def plot() -> grammar.Declaration:
-    """Declare the option --plot, followed by --style, which requires --plot."""
-    return option(
-        "--plot",
-        is_flag=False,
-        flag_value=BESIDE,
-        type=FileName(written=True, check=_check_plot),
-        metavar="[FILE]",
-        behind=[style_of("--plot")],
-    )
-
-
 def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
     """Apply the values of --style to the figures of the command (callback of the option).
 
@@ -142,48 +114,21 @@ def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tu
     return texts
 
 
-def style_of(needs: str) -> grammar.Declaration:
-    """Declare the option --style; `needs` is the option that writes the figures."""
-    return option(
-        "--style",
-        needs=needs,
-        multiple=True,
-        expose_value=False,
-        callback=_styled,
-        metavar="LOOKS",
-        rare=True,
-    )
+output = grammar.option("-o", "--output", type=FileName(written=True, check=_check_output))
+style = grammar.option("--style", multiple=True, expose_value=False, callback=_styled)
+plot = grammar.option(
+    "--plot",
+    is_flag=False,
+    flag_value=BESIDE,
+    type=FileName(written=True, check=_check_plot),
+    behind=[style],
+)
+"""The option --plot, followed by --style, which requires it."""
 
-
-picture = plot()
-units = option("--output-units", type=OutputUnitsType(), rare=True)
-report = option("--report", type=FileName(written=True, check=_check_report), metavar="FILE.html")
-overwrite = option("--overwrite", is_flag=True, recorded=False)
-
-
-def threads(heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
-    """Declare the option --jobs of a command: a number of threads or processes from 1 to 1024.
-
-    Parameters
-    ----------
-    heading : str
-        Heading above the option in the help of the command; by default the options of the command.
-    **settings
-        Further keyword arguments of `grammar.option`, such as `default`. Without a default, the
-        command receives None.
-    """
-    return grammar.option(
-        "--jobs",
-        heading=heading,
-        type=click.IntRange(1, 1024),
-        metavar="N",
-        rare=True,
-        recorded=False,
-        **settings,
-    )
-
-
-jobs = threads(grammar.GENERAL, default=1)
+units = grammar.option("--output-units")
+report = grammar.option("--report", type=FileName(written=True, check=_check_report))
+overwrite = grammar.option("--overwrite", is_flag=True)
+jobs = grammar.option("--jobs", default=1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -326,9 +271,9 @@ def to_files(
         Declarations of further options under the heading Output.
     """
 
-    declarations: list[Callable[[Any], Any]] = [output()]
+    declarations: list[Callable[[Any], Any]] = [output]
     if picture:
-        declarations.append(plot())
+        declarations.append(plot)
     if page:
         declarations.append(report)
     declarations += more

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,10 +15,6 @@ from tdint_cli.options import grammar, option_types
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.record import Record
-
-option = partial(grammar.option, heading=grammar.RECORD)
-_rare = partial(option, rare=True)
-
 
 _SETTINGS = ("units", "component", "inventory", "layout", "processing", "described")
 
@@ -83,42 +78,30 @@ records = click.argument(
 records_if_any = click.argument(
     "records", metavar="[RECORD]...", nargs=-1, type=option_types.FileName()
 )
-record = _rare("--record", type=option_types.FileName())
-units = option("--units", type=option_types.Written("name", _sample_units, _units), metavar="UNITS")
-component = option("--component", metavar="NAME")
-inventory = _rare("--inventory", type=option_types.FileName())
-_factor = partial(option, "--scale", metavar="FACTOR")
-scale = _factor(type=option_types.ListOf(option_types.Nonzero(), once=False))
-one_scale = _factor(type=option_types.Nonzero(), needs="RECORD")
-
-
-def pair_demand(heading: str = grammar.RECORD) -> grammar.Declaration:
-    """Return the option --pair-demand."""
-    return grammar.option(
-        "--pair-demand",
-        heading=heading,
-        rare=True,
-        type=click.Choice(("larger", "mean", "separate")),
-    )
-
+record = grammar.option("--record")
+units = grammar.option("--units", type=option_types.Written("name", _sample_units, _units))
+component = grammar.option("--component")
+inventory = grammar.option("--inventory")
+scale = grammar.option("--scale", type=option_types.ListOf(option_types.Nonzero(), once=False))
+one_scale = grammar.option("--scale")
 
 _LAYOUT = (
-    _rare("--step", type=option_types.Number(0.0, min_open=True), metavar="SECONDS"),
-    _rare("--column", type=option_types.ListOf(click.STRING), metavar="N|NAME,..."),
-    _rare("--skip-lines", type=click.IntRange(0, 1_000_000), metavar="N"),
-    _rare("--rows", is_flag=True),
-    _rare("--one-sided", is_flag=True),
+    grammar.option("--step"),
+    grammar.option("--column"),
+    grammar.option("--skip-lines", type=click.IntRange(0, 1_000_000)),
+    grammar.option("--rows", is_flag=True),
+    grammar.option("--one-sided", is_flag=True),
 )
 
 _PROCESSING = (
-    _rare("--trim", metavar="START:END"),
-    _rare("--baseline", type=click.Choice(["constant", "linear", "quadratic"])),
-    _rare("--pad", metavar="SECONDS|BEFORE:AFTER"),
-    option("--highpass", type=option_types.Number(0.0, min_open=True), metavar="HZ"),
-    _rare("--lowpass", type=option_types.Number(0.0, min_open=True), metavar="HZ"),
-    _rare("--filter-order", type=click.IntRange(1, 10), metavar="N"),
-    _rare("--resample", type=option_types.Number(0.0, min_open=True), metavar="DT"),
-    _rare("--time-scale", type=option_types.Number(0.0, min_open=True), metavar="FACTOR"),
+    grammar.option("--trim"),
+    grammar.option("--baseline"),
+    grammar.option("--pad"),
+    grammar.option("--highpass"),
+    grammar.option("--lowpass"),
+    grammar.option("--filter-order", type=click.IntRange(1, 10)),
+    grammar.option("--resample"),
+    grammar.option("--time-scale"),
 )
 
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import click
+from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.response.defaults import PERIODS
 from tdint_cli.options import grammar, output
-from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.option_types import FileName, ListOf, Number, grid
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,19 +23,13 @@ if TYPE_CHECKING:
     from tdint.response.spectra.floor_motions import FloorSpectrum
     from tdint.units import OutputUnits
 
-option = partial(grammar.option, heading=grammar.SPECTRUM)
-
-
-_PER_RECORD = output.output("FILE|DIR")
-_PICTURE = output.plot()
-
 
 def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function], grammar.Function]:
     """Declare the options of a command with a single table per record, or one table of all records;
     `more` are options of its figure.
     """
     return grammar.together(
-        _PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite
+        output.output, output.plot, *more, output.jobs, output.units, output.overwrite
     )
 
 
@@ -50,53 +40,8 @@ MOTIONS = "floors.mseed"
 """Names of the floor files in the directory of -o."""
 
 
-def damping(needs: str = "") -> grammar.Declaration:
-    """Declare the option --damping of spectra, or --floor-damping of floor spectra.
-
-    `needs` is the option that it requires; for floor spectra it is --floor-spectra.
-    """
-    return option(
-        "--floor-damping" if needs == _NEEDS else "--damping",
-        type=ListOf(damping_ratio),
-        default=(0.05,),
-        rare=bool(needs),
-        needs=needs,
-    )
-
-
-class _Periods(Number):
-    """Option type of a period in s, or of a grid of periods FIRST:LAST:COUNT."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return a number, or a grid for a text with a colon."""
-        if isinstance(value, str) and ":" in value:
-            return grid().read(value)
-        return super().convert(value, param, ctx)
-
-
-def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaration:
-    """Declare the option --period of spectra, or --floor-period of floor spectra.
-
-    Parameters
-    ----------
-    default : str
-        Default periods, as FIRST:LAST:COUNT, for the help text.
-    zero : str
-        Sentence on the meaning of a period of 0, for the help text; empty if 0 is not allowed.
-    needs : str
-        Option that this option requires; for floor spectra it is --floor-spectra.
-    """
-    prefix = "--floor-" if needs == _NEEDS else "--"
-    return option(
-        f"{prefix}period",
-        f"{prefix}periods",
-        type=ListOf(_Periods(0.0, min_open=not zero)),
-        rare=bool(needs),
-        needs=needs,
-        metavar="SECONDS|FIRST:LAST:COUNT,...",
-        help="Periods, or COUNT logarithmically spaced periods including FIRST and LAST; "
-        f"{default} by default.{zero}",
-    )
+damping = grammar.option("--damping", default=(0.05,))
+periods = grammar.option("--period", "--periods")
 
 
 def chosen_periods(requested: Iterable[float | Grid] | None, default: str) -> NDArray[np.float64]:
@@ -131,52 +76,30 @@ def periods_as_given(
     return items
 
 
-def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
-    """Declare the option --target with the heading `heading`; `text` describes its use in the
-    command, for the help."""
+def target(text: str) -> grammar.Declaration:
+    """Declare the option --target; `text` describes its use in the command, for the help."""
     spectra = (
         "asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times), asce7-22:FILE or mcer-22:FILE (JSON file of "
         "USGS), ec8:type=1,soil=B,ag=0.25g[,damping=5%][,q=3], or a CSV "
         "file with the columns period_s and sa_g or sa_m_s2."
     )
-    return grammar.option(
-        "--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {spectra}"
-    )
-
-
-export_floors = output.option(
-    "--export-floors",
-    type=click.Choice(["mseed"]),
-    rare=True,
-    help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; "
-    "stations F01, F02, ...",
-)
-_NEEDS = "--floor-spectra"
+    return grammar.option("--target", help=f"{text}: {spectra}")
 
 
 @grammar.request
 class FloorRequest:
     """Options of the command line for floor spectra."""
 
-    floors: tuple[str, ...] | None = option(
-        _NEEDS,
-        rare=True,
-        type=ListOf(click.STRING),
-        metavar="FLOOR,...",
-        help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of "
-        "these floors (numbers from 1, or roof) or attachments (names), exact for motions that are "
-        f"linear between time steps; with --plot also {SPECTRA_PICTURE}. With several records, the "
-        f"spectra of every run, and their mean and envelope in {SPECTRA_MEAN}.",
-    )
-    floor_damping: tuple[float, ...] = damping(_NEEDS)
-    floor_periods: tuple[float | Grid, ...] | None = periods(
-        PERIODS, " 0 gives the maximum acceleration of the floor at the time steps.", _NEEDS
+    floors: tuple[str, ...] | None = grammar.option("--floor-spectra")
+    floor_damping: tuple[float, ...] = grammar.option(default=(0.05,))
+    floor_periods: tuple[float | Grid, ...] | None = grammar.option(
+        "--floor-period", "--floor-periods"
     )
 
     def check(self, folder: str | None, export: str | None = None) -> None:
         """Raise UsageError if floor spectra or motions are requested without a directory."""
         if (self.floors or export) and not folder:
-            name = _NEEDS if self.floors else "--export-floors"
+            name = "--floor-spectra" if self.floors else "--export-floors"
             raise UsageError(f"{name} requires -o DIR, because it writes a file; add -o DIR")
 
     def chosen_floors(self, model: Model) -> tuple[int | str, ...]:

@@ -10,17 +10,13 @@ from typing import Any
 import click
 
 from tdint.units import OutputUnits
-from tdint_cli.options import analysis, output
+from tdint_cli.options import grammar
 from tdint_cli.options.option_types import Ratio
 from tdint_cli.options.output import picture_file
 from tdint_cli.options.spectra import FloorRequest
 
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """Names of files in the directory of -o."""
-
-
-CHANGED = output.option(is_flag=True, recorded=False, needs="-o", rare=True)
-"""The option --changed."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -131,15 +127,5 @@ class _DriftLimit(Ratio):
 
 _NOT_LEVELS = ("nan", "inf", "infinity")
 
-LIMIT = analysis.option(type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True), metavar="2%")
+LIMIT = grammar.option(type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True))
 """The option --limit."""
-
-
-RISK_CATEGORY = analysis.option(
-    type=click.Choice(("I", "II", "III", "IV"), case_sensitive=False), rare=True
-)
-"""The option --risk-category."""
-
-
-REQUIRE = analysis.option(is_flag=True)
-"""The option --require, which requires --limit or `limits` in the model."""

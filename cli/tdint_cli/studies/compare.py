@@ -16,7 +16,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.files import STDIN, check_outputs
 from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint_cli import options
-from tdint_cli.options.option_types import FileName, ListOf, Written
+from tdint_cli.options.option_types import ListOf, Written
 from tdint_cli.options.output import Outputs, picture_file
 from tdint_cli.terminal import note, say, warn
 
@@ -57,28 +57,21 @@ class Request:
     """The command line of `tdint compare`."""
 
     model: str
-    recorded: str = options.option(type=FileName(), required=True)
-    fit: tuple[str, ...] | None = options.option(
-        type=ListOf(click.Choice(["stiffness", "stiffness-factor", "damping"])),
-        metavar="stiffness|stiffness-factor,damping",
-    )
-    blind: tuple[str, ...] | None = options.option(needs="--fit", type=ListOf(FileName()))
+    recorded: str = options.option(required=True)
+    fit: tuple[str, ...] | None = options.option()
+    blind: tuple[str, ...] | None = options.option()
     require: tuple[tuple[str, float], ...] | None = options.option(
         type=ListOf(Written("NAME=NUMBER", _requirement))
     )
     method: str | None = options.analysis.method
-    dt: float | None = options.analysis.option(type=float, metavar="SECONDS", rare=True)
-    damping: float = options.analysis.damping_of(
-        heading=options.grammar.SPECTRUM, needs="-o or --plot"
-    )
-    periods: tuple[float | Grid, ...] | None = options.spectra.periods(
-        PERIODS, needs="-o or --plot"
-    )
-    output: str | None = options.output.output("DIR|FILE.csv")
-    plot: str | None = options.output.picture
+    dt: float | None = options.option()
+    damping: float = options.option(default=0.05)
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods
+    output: str | None = options.output.output
+    plot: str | None = options.output.plot
     report: str | None = options.output.report
-    output_units: OutputUnits | None = options.output.units
-    overwrite: bool = options.output.overwrite
+    output_units: OutputUnits | None = options.option()
+    overwrite: bool = options.option()
 
     def file(self, name: str) -> Path:
         """Return the path of the output file `name`.

@@ -8,17 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from tdint import studies
 from tdint.errors import UsageError
 from tdint.files import check_outputs, is_file, write_files
 from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
-from tdint_cli.options.option_types import FileName, ListOf, Number, Written, span
+from tdint_cli.options.option_types import FileName, Number
 from tdint_cli.options.output import Outputs
-from tdint_cli.studies import options as study_options
 from tdint_cli.terminal import Failures, note, say, warn
 
 if TYPE_CHECKING:
@@ -57,8 +54,8 @@ SIGNIFICANT = 0.05
 
 
 _OPENQUAKE_OPTIONS = (
-    options.output.option("--openquake", type=FileName(written=True), metavar="FILE.xml"),
-    options.output.option("--states", type=ListOf(Written("name")), needs="--openquake"),
+    options.option("--openquake"),
+    options.option("--states"),
 )
 
 
@@ -70,20 +67,16 @@ class Request:
     states: tuple[str, ...] | None
     outputs: Outputs
     table: str = options.argument("TABLE.csv|DIR", type=FileName())
-    fit: str | None = options.option(type=click.Choice(_FITS))
-    threshold: tuple[float, ...] | None = study_options.threshold()
-    by: str | None = options.option(type=click.Choice(["type", "building"]))
-    edp_range: tuple[float, float] | None = options.option(type=span)
-    im: tuple[str, ...] | None = options.option(type=ListOf(Written("name")))
-    sufficiency: str | None = options.option(
-        needs="--im", type=FileName(), metavar="FILE.csv", rare=True
-    )
-    pair_demand: str | None = options.record.pair_demand(options.grammar.OWN)
-    modeling_dispersion: float = options.option(
-        type=Number(0.0, 10.0), default=0.0, metavar="BETA", rare=True
-    )
-    hazard: str | None = options.option(type=FileName(), metavar="CURVE.csv")
-    allow_outside: bool = options.option(needs="--hazard", rare=True)
+    fit: str | None = options.option()
+    threshold: tuple[float, ...] | None = options.option()
+    by: str | None = options.option()
+    edp_range: tuple[float, float] | None = options.option()
+    im: tuple[str, ...] | None = options.option()
+    sufficiency: str | None = options.option()
+    pair_demand: str | None = options.option()
+    modeling_dispersion: float = options.option(type=Number(0.0, 10.0), default=0.0)
+    hazard: str | None = options.option()
+    allow_outside: bool = options.option()
 
 
 @options.command(

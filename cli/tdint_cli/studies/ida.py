@@ -20,14 +20,9 @@ from tdint.units import GROUND_MOTION
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.option_types import (
-    FileName,
-    ListOf,
     PairWish,
     Ratio,
     Written,
-    drift_ratio,
-    intensity,
-    period,
 )
 from tdint_cli.options.output import picture_file
 from tdint_cli.options.record import RecordsRequest
@@ -85,48 +80,30 @@ class IdaRequest(RecordsRequest):
     """The command line of `tdint ida`."""
 
     model: str
-    im: str = study_options.option(type=Written("name", _measure, _measures), default="sa")
-    period: float | None = study_options.option(needs="--im sa or sa-avg", type=period)
-    pairs: PairWish | None = study_options.pairs()
-    factors: str | None = study_options.factors()
-    pair_demand: str | None = options.record.pair_demand(options.grammar.INTENSITY)
-    damping: float = study_options.damping("--im sa or sa-avg")
-    max_im: Units | None = study_options.option(rare=True, type=intensity)
-    precision: float = options.analysis.option(
-        type=Ratio(0.0, 0.5, min_open=True), default=0.05, metavar="5%"
-    )
-    collapse_drift: float | None = options.analysis.option(type=drift_ratio, metavar="10%")
-    threshold: tuple[float, ...] | None = study_options.threshold()
-    p695: Acceptance | None = study_options.option(
-        needs="--im sa",
-        type=Written("design", _acceptance),
-        metavar="smt=1.5g,...",
-        rare=True,
-        help="Also compute the collapse margin by FEMA P-695, for pairs of components: smt=1.5g "
-        "(intensity of the maximum considered earthquake at --period T), ductility (period-based, "
-        "mu_T), sdc (B, C, Dmin, Dmax), and the ratings superior, good, fair or poor of design "
-        f"requirements (dr), test data (td) and modeling (mdl). Written to {MARGIN} in the "
-        "directory of -o.",
-    )
-    after: str | None = options.option(needs="--damage", type=FileName(), metavar="MAIN", rare=True)
-    damage: tuple[float, ...] | None = options.option(
-        needs="--after", type=ListOf(drift_ratio), metavar="2%,...", rare=True
-    )
+    im: str = options.option(type=Written("name", _measure, _measures), default="sa")
+    period: float | None = options.option()
+    pairs: PairWish | None = study_options.pairs
+    factors: str | None = options.option()
+    pair_demand: str | None = options.option()
+    damping: float = options.option(default=0.05)
+    max_im: Units | None = options.option()
+    precision: float = options.option(type=Ratio(0.0, 0.5, min_open=True), default=0.05)
+    collapse_drift: float | None = options.option()
+    threshold: tuple[float, ...] | None = options.option()
+    p695: Acceptance | None = options.option(type=Written("design", _acceptance))
+    after: str | None = options.option()
+    damage: tuple[float, ...] | None = options.option()
     method: str | None = options.analysis.method
-    dt: float | None = options.analysis.dt
-    duration: float | None = options.analysis.duration
-    until_rest: bool = options.analysis.until_rest
-    check: bool = options.analysis.option(
-        rare=True,
-        help=f"Add columns <name>_error with estimated errors to {RUNS}, as in `tdint run "
-        "--check`.",
-    )
-    output: str | None = options.output.output("DIR")
-    plot: str | None = options.output.plot()
+    dt: float | None = options.option()
+    duration: float | None = options.option()
+    until_rest: bool = options.option()
+    check: bool = options.option()
+    output: str | None = options.output.output
+    plot: str | None = options.output.plot
     report: str | None = options.output.report
-    output_units: OutputUnits | None = options.output.units
-    overwrite: bool = options.output.overwrite
-    jobs: int | None = options.output.threads(options.grammar.GENERAL)
+    output_units: OutputUnits | None = options.option()
+    overwrite: bool = options.option()
+    jobs: int | None = options.option()
 
     @property
     def picture(self) -> Path | None:

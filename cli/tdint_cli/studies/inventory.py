@@ -26,7 +26,7 @@ RULES = ("mdof-lu", "capacity")
 _FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
 
 
-_MODELS = options.output.option("--models", type=FileName(folder=True, written=True), metavar="DIR")
+_MODELS = options.option("--models")
 
 
 @options.request
@@ -36,11 +36,11 @@ class Request:
     models: str | None
     outputs: Outputs
     buildings: str = options.argument("BUILDINGS.csv", type=FileName())
-    units: str = options.option(type=click.Choice(["ft", "m"]), required=True)
+    units: str = options.option(required=True)
     rules: str = options.option(type=click.Choice(RULES), default=RULES[0])
-    classes: str | None = options.option(type=FileName(), needs="--rules capacity")
-    mapping: str | None = options.option(type=FileName(), metavar="FILE.csv")
-    damping: str = options.option(type=click.Choice(["full", "mass-only"]), default="full")
+    classes: str | None = options.option()
+    mapping: str | None = options.option()
+    damping: str = options.option(default="full")
 
 
 @options.command(

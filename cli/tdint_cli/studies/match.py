@@ -14,11 +14,9 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs
 from tdint.number_parsing import pluralize
 from tdint_cli import options
-from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.option_types import ListOf, PairWish, Ratio, pairs_of, span
+from tdint_cli.options.option_types import PairWish, Ratio, pairs_of
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.studies import options as study_options
 from tdint_cli.studies.options import read_table_of_factors
 from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
@@ -53,22 +51,18 @@ warning, because wavelets of long periods can produce unrealistic displacements.
 class MatchRequest(RecordsRequest):
     """The command line of `tdint match`."""
 
-    output: str | None = options.output.output("DIR")
-    target: str = options.option(required=True, metavar="SPECTRUM")
-    range: tuple[float, float] = options.option(type=span, default="0.05:4")
-    damping: tuple[float, ...] = options.option(
-        type=ListOf(damping_ratio), default=(0.05,), rare=True
-    )
-    format: str = options.option(type=click.Choice(("mseed", "at2", "csv")), default="mseed")
+    output: str | None = options.output.output
+    target: str = options.option(required=True)
+    range: tuple[float, float] = options.option(default="0.05:4")
+    damping: tuple[float, ...] = options.option(default=(0.05,))
+    format: str = options.option(default="mseed")
     pairs: PairWish | None = options.option(type=pairs_of((PAIR,)), metavar=f"{PAIR}[,NAMES]")
     suite: str = options.option(type=click.Choice(SUITES), default=SUITES[0])
-    factors: str | None = study_options.factors()
-    max_misfit: float = options.option(
-        type=Ratio(0.0, 1.0, min_open=True), metavar="5%", default="5%"
-    )
+    factors: str | None = options.option()
+    max_misfit: float = options.option(type=Ratio(0.0, 1.0, min_open=True), default="5%")
     require: bool = options.option()
-    plot: str | None = options.output.plot()
-    overwrite: bool = options.output.overwrite
+    plot: str | None = options.output.plot
+    overwrite: bool = options.option()
 
 
 @options.command(

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.analysis import damping_of
-from tdint_cli.options.option_types import FileName, ListOf, PairWish, drift_ratio, pairs_of
-from tdint_cli.options.record import option as record_option
+from tdint_cli.options.option_types import PairWish, pairs_of
 from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import Failures, note, warn
 
@@ -18,8 +15,6 @@ if TYPE_CHECKING:
     from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
     from tdint.studies.campaign.assigned_motions import FactorTable
-
-option = partial(grammar.option, heading=grammar.INTENSITY)
 
 PAIRS = ("geometric-mean", "rotd50", "rotd100", "larger")
 
@@ -30,28 +25,7 @@ def pair_measure(wish: PairWish | None) -> str:
     return (wish and wish.measure) or PAIRS[0]
 
 
-def pairs() -> grammar.Declaration:
-    """Declare the option --pairs."""
-    return option("--pairs", type=pairs_of(PAIRS), metavar=f"{'|'.join(PAIRS)}[,NAMES]")
-
-
-def damping(needs: str) -> grammar.Declaration:
-    """Declare the option --damping of Sa; `needs` is the option that it requires."""
-    return damping_of(heading=grammar.INTENSITY, needs=needs, rare=True)
-
-
-threshold = partial(
-    grammar.option,
-    "--threshold",
-    type=ListOf(drift_ratio),
-    metavar="DRIFT,...",
-    heading=grammar.ANALYSIS,
-)
-
-
-def factors() -> grammar.Declaration:
-    """Declare the option --factors."""
-    return record_option("--factors", type=FileName(), rare=True)
+pairs = grammar.option("--pairs", type=pairs_of(PAIRS), metavar=f"{'|'.join(PAIRS)}[,NAMES]")
 
 
 def read_table_of_factors(

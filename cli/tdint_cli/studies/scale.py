@@ -75,34 +75,22 @@ class ScaleRequest(RecordsRequest):
     spectra: str | None
     outputs: Outputs
     target: str | None = options.spectra.target("Scale to this spectrum")
-    range: Grid | None = options.option(needs="--target", type=option_types.span_at(100))
-    rule: str | None = options.option(needs="--target", type=click.Choice(_RULES))
-    building: tuple[str, ...] | None = options.option(
-        needs="--target",
-        type=option_types.ListOf(option_types.FileName()),
-        metavar="MODEL.yaml,...",
-    )
-    max_factor: float | None = options.option(
-        rare=True, type=option_types.Number(0.0, min_open=True), metavar="FACTOR"
-    )
-    select: int | None = options.option(needs="--target", type=option_types.Count(1))
-    factor_range: tuple[float, float] | None = options.option(
-        needs="--select", type=option_types.span, rare=True
-    )
-    per_event: int | None = options.option(needs="--select", type=option_types.Count(1), rare=True)
-    events: str | None = options.option(
-        needs="--per-event", type=option_types.FileName(), rare=True
-    )
-    target_std: str | None = options.option(needs="--select", metavar="0.35|FILE", rare=True)
+    range: Grid | None = options.option(type=option_types.span_at(100))
+    rule: str | None = options.option()
+    building: tuple[str, ...] | None = options.option()
+    max_factor: float | None = options.option()
+    select: int | None = options.option()
+    factor_range: tuple[float, float] | None = options.option()
+    per_event: int | None = options.option()
+    events: str | None = options.option()
+    target_std: str | None = options.option()
     to: tuple[str, float] | None = options.option(
-        type=option_types.Written("measure", _measure_value), metavar="MEASURE=VALUE"
+        type=option_types.Written("measure", _measure_value)
     )
-    at: float | None = options.option(
-        type=option_types.Number(0.0, min_open=True), metavar="SECONDS"
-    )
-    p695: bool = options.option(rare=True)
-    pairs: option_types.PairWish | None = study_options.pairs()
-    damping: float = study_options.damping("--target or --to sa or sa-avg or --p695 or --plot")
+    at: float | None = options.option()
+    p695: bool = options.option()
+    pairs: option_types.PairWish | None = study_options.pairs
+    damping: float = options.option(default=0.05)
 
     def check(self) -> None:
         """Check that the options can be used together.
@@ -168,9 +156,7 @@ class ScaleRequest(RecordsRequest):
         return pair_measure(self.pairs)
 
 
-_SPECTRA = options.output.option(
-    "--spectra", needs="--target", type=option_types.FileName(written=True)
-)
+_SPECTRA = options.option("--spectra")
 
 
 @options.command(

@@ -52,10 +52,10 @@ class Request(RecordsRequest):
     building: str
     outputs: Outputs
     ranges: dict[str, tuple[float, float]] = options.option(
-        "--vary", multiple=True, callback=_ranges, metavar="NAME=LOW:HIGH,..."
+        "--vary", multiple=True, callback=_ranges
     )
     method: str | None = options.analysis.method
-    dt: float | None = options.analysis.dt
+    dt: float | None = options.option()
 
 
 _MODEL = Mode(
