@@ -330,16 +330,14 @@ HOMES_OF_NAMES = {
 
 NAMED_ELSEWHERE = {
     "ordinary words": {
-        "cli/tdint_cli/studies/campaign_request.py": "TEXT",
         "cli/tdint_cli/assessment/overshoot.py": "linear",
-        "cli/tdint_cli/commands/spectrum.py": "exact linear",
-        "cli/tdint_cli/options/record.py": "linear",
+        "cli/tdint_cli/commands/spectrum.py": "exact",
         "src/tdint/assessment/stability/stability.py": "linear",
         "src/tdint/response/spectra/elastic.py": "exact",
         "src/tdint/ground_motion/choice.py": "linear",
         "src/tdint/ground_motion/processing_steps.py": "linear",
         "src/tdint/assessment/stability/stability_figures.py": "linear",
-        "src/tdint/output/figures/spectrum_curves.py": "exact linear",
+        "src/tdint/output/figures/spectrum_curves.py": "exact",
         "src/tdint/assessment/chart/chart_summary.py": "gap",
     },
     "models with a law": {
@@ -358,8 +356,8 @@ NAMED_ELSEWHERE = {
         "src/tdint/model/building.py": "hertz",
     },
     "options that `test_choices_of_options_are_names_of_the_library` compares": {
-        "cli/tdint_cli/commands/init.py": "bilinear multilinear",
-        "cli/tdint_cli/assessment/order.py": "linear polynomial",
+        "cli/tdint_cli/commands/init.py": "bilinear",
+        "cli/tdint_cli/assessment/order.py": "linear",
     },
     "methods of references, and of buildings for which they are exact": {
         "cli/tdint_cli/assessment/examples.py": "gauss4 impulse impulse4 linear moment4 rk5",
