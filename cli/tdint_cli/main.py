@@ -1,7 +1,7 @@
 """The command `tdint`: a group that imports the module of a command only when this command runs.
 
 Help and version load only click. A new command requires a module in `commands` with the click
-command `command`, and one line in GROUPS.
+command `command`, and a row in `options/commands.csv`.
 """
 
 from __future__ import annotations
@@ -19,67 +19,26 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import INPUT_DIGESTS, PROTECTED, is_encodable
-from tdint_cli.options.grammar import HelpAsData, flag, general, recorded_words, shown_when_asked
+from tdint_cli.options.grammar import (
+    HelpAsData,
+    flag,
+    general,
+    listed_commands,
+    recorded_words,
+    shown_when_asked,
+)
 from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
-GROUPS = {
-    "Buildings": {
-        "init": "Create a commented example model, ready to run.",
-        "check": "Validate model files and summarize them.",
-        "run": "Compute the response history of a building and the peaks of each story.",
-        "modes": "Compute natural periods, damping ratios, modal masses and shapes of a building.",
-        "law": "Test one story under imposed drift cycles and write its hysteresis loop.",
-        "pushover": "Run a static pushover analysis: base shear over roof displacement.",
-        "compare": "Compare the computed response of a building with its recorded response.",
-        "inventory": "Generate shear buildings from a table of buildings (an inventory).",
-    },
-    "Ground motions": {
-        "info": "Summarize ground-motion records: sampling, peaks, Arias intensity, duration.",
-        "spectrum": "Compute elastic, inelastic or Fourier spectra of ground-motion records.",
-        "drift-spectrum": "Compute drift spectra: maximum story drifts of shear buildings.",
-        "match": "Match ground motions to a target spectrum with the smallest changes.",
-    },
-    "Studies": {
-        "campaign": "Run many buildings under many records at many intensity levels.",
-        "scale": "Select and scale ground motions to an intensity or to a target spectrum.",
-        "ida": "Run incremental dynamic analyses: story drift over intensity, up to collapse.",
-        "sensitivity": "Compute the sensitivity of peak responses to building parameters.",
-        "fragility": "Fit fragility functions: probability of exceedance over intensity.",
-    },
-    "Methods": {
-        "chart": "Compare the accuracy and computing time of methods: work-precision diagrams.",
-        "methods": "List the time-integration methods: parameters, order, stability, source.",
-        "failures": "Run methods on hard problems with known solutions and report failures.",
-        "stability": "Compute spectral radius, period error and numerical damping over dt/T.",
-        "overshoot": "Measure the overshoot of methods at large time steps.",
-        "order": "Measure the order of convergence of methods from errors at halved time steps.",
-        "examples": "Reproduce the examples and figures of the paper that proposed impulse.",
-    },
-    "Housekeeping": {
-        "compile": "Compile time loops ahead of their first use.",
-        "validate": "Compare results of this installation with published and exact results.",
-    },
-}
-"""The commands in the groups and in the order of the help, with the first sentence of the help of
-each command."""
+COMMANDS: dict[str, tuple[str, str]] = {}
+"""The module of each command, and the first sentence of its help, in the order of the help."""
 
-STUDIES = {
-    *("campaign", "compare", "fragility", "ida", "inventory", "match", "scale", "sensitivity")
-}
-ASSESSMENT = {"chart", "examples", "failures", "order", "overshoot", "stability", "validate"}
-"""Commands of the packages `studies` and `assessment`; the others are in `commands`."""
+GROUPS: dict[str, dict[str, str]] = {}
+"""The commands in the groups of the help, with the first sentence of the help of each command."""
 
-
-def _module(name: str) -> str:
-    """Return the module of a command."""
-    package = "studies" if name in STUDIES else "assessment" if name in ASSESSMENT else "commands"
-    return f"tdint_cli.{package}.{name.replace('-', '_')}"
-
-
-COMMANDS = {
-    name: (_module(name), sentence) for group in GROUPS.values() for name, sentence in group.items()
-}
-"""The commands of all groups, with their module and the first sentence."""
+for _name, _row in listed_commands().items():
+    _module = f"tdint_cli.{_row['package']}.{_name.replace('-', '_')}"
+    COMMANDS[_name] = (_module, _row["sentence"])
+    GROUPS.setdefault(_row["group"], {})[_name] = _row["sentence"]
 
 
 class LazyGroup(HelpAsData, click.Group):

@@ -81,11 +81,7 @@ class Request(options.record.RecordRequest):
         )
 
 
-@options.command(
-    "chart",
-    "tdint chart office.yaml --method impulse4,newmark-average --dt 0.01",
-    "tdint chart office.yaml --method impulse4,newmark-average --dt 0.01 --plot=chart.png",
-)
+@options.command
 @options.analysis.plugin
 @options.record.motion_options
 @options.output.to_files(picture=True, in_units=False)

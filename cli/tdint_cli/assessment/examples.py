@@ -67,11 +67,7 @@ class Request:
     overwrite: bool = options.option()
 
 
-@options.command(
-    "examples",
-    "tdint examples 1 --method impulse,newmark-average -o example",
-    "tdint examples 1 -o paper --figures",
-)
+@options.command
 @options.analysis.plugin
 @options.output.style
 @options.of(Request)

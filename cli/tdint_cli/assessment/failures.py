@@ -20,11 +20,7 @@ def _problems() -> list[str]:
     return list(problems())
 
 
-@options.command(
-    "failures",
-    "tdint failures --problem large-step",
-    "tdint failures --method impulse4,hht --problem large-step --plot=failures.png",
-)
+@options.command
 @options.analysis.plugin
 @method_options.all_methods
 @options.option("--problem", "problems", type=ListOf(Written("name", names=_problems)))

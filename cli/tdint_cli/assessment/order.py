@@ -21,11 +21,7 @@ if TYPE_CHECKING:
 _RATIOS = Grid(0.2, 5.0, 15)
 
 
-@options.command(
-    "order",
-    "tdint order --method impulse4,hht --load free",
-    "tdint order --method hht --load harmonic --frequency-ratio 0.5",
-)
+@options.command
 @options.analysis.plugin
 @method_options.all_methods
 @options.option("--load", default="harmonic")

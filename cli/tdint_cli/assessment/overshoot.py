@@ -29,11 +29,7 @@ class Request(method_options.OscillatorRequest):
     law: str = options.option(default="linear")
 
 
-@options.command(
-    "overshoot",
-    "tdint overshoot --method wilson,hht --steps 20 --plot=overshoot.png",
-    "tdint overshoot --method newmark-average,moment4 --law softening",
-)
+@options.command
 @method_options.oscillator_options(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:

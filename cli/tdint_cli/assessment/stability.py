@@ -30,11 +30,7 @@ class Request(method_options.OscillatorRequest):
     )
 
 
-@options.command(
-    "stability",
-    "tdint stability --method impulse4,hht --plot=stability.png",
-    "tdint stability --method newmark:beta=0.25:gamma=0.5 --dt-over-t 0.1,1 --damping 5%",
-)
+@options.command
 @method_options.oscillator_options(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:

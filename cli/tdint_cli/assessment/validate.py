@@ -9,12 +9,7 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import progress_bar, say
 
 
-@options.command(
-    "validate",
-    "tdint validate",
-    "tdint validate -o validation.csv",
-    exits={5: "the difference of a case exceeds its tolerance"},
-)
+@options.command
 @options.output.to_files(in_units=False)
 def command(outputs: Outputs) -> None:
     """Compare results of this installation with published and exact results.

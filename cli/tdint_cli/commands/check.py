@@ -23,12 +23,7 @@ _SCHEMA, _PLUGINS = Mode("with --schema"), Mode("with --plugin alone")
 MODES = (_MODELS, _SCHEMA, _PLUGINS)
 
 
-@options.command(
-    "check",
-    "tdint check office.yaml",
-    "tdint check --schema campaign",
-    exits={3: "a file is invalid", 5: "a plug-in contradicts its declared properties"},
-)
+@options.command
 @options.analysis.plugins
 @click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
 @options.option("--schema", is_flag=False, flag_value="model")

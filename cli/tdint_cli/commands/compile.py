@@ -49,7 +49,7 @@ class Request:
     output: str | None = options.output.output
 
 
-@options.command("compile", "tdint compile office.yaml", "tdint compile office.yaml --show")
+@options.command
 @options.analysis.plugin
 @options.of(Request)
 def command(request: Request) -> None:

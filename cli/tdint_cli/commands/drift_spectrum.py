@@ -41,12 +41,7 @@ class DriftRequest(TablesRequest):
         return settings
 
 
-@options.command(
-    "drift-spectrum",
-    "tdint drift-spectrum office-motion.txt --damping 2%",
-    "tdint drift-spectrum office-motion.txt --stories 5 -o drift.csv --plot",
-    exits={4: "a record cannot be read; the other records are processed"},
-)
+@options.command
 @options.record.plain_record_options
 @options.spectra.tables_of_records()
 @options.of(DriftRequest)

@@ -41,12 +41,7 @@ _MSEED, _CSV, _YAML = ".mseed", ".csv", ".yaml"
 _EXPORT = options.option("--export")
 
 
-@options.command(
-    "info",
-    "tdint info office-motion.txt -o info.csv --plot",
-    "tdint info office-motion.txt --highpass 0.1 --export filtered.csv",
-    exits={4: "a record cannot be read; the other records are processed"},
-)
+@options.command
 @options.record.record_options
 @options.output.to_files(picture=True, more=[_EXPORT])
 @options.of(Request)

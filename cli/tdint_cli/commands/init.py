@@ -108,11 +108,7 @@ class Request:
     overwrite: bool = options.option()
 
 
-@options.command(
-    "init",
-    "tdint init office.yaml --stories 5 --period 0.8",
-    "tdint init shop.yaml --type C1 --year 1985 --area 600 --stories 3",
-)
+@options.command
 @options.of(Request)
 def command(request: Request) -> None:
     """Create a commented example model, ready to run.

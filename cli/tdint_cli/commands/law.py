@@ -46,11 +46,7 @@ class Request:
     units: str | None = options.option()
 
 
-@options.command(
-    "law",
-    "tdint law office.yaml --story 1 --drift 1%,2%",
-    "tdint law office.yaml --drift 2% -o loop.csv --plot",
-)
+@options.command
 @options.analysis.model
 @options.output.to_files(picture=True)
 @options.of(Request)

@@ -8,7 +8,7 @@ from tdint.errors import UsageError
 from tdint_cli import options
 
 
-@options.command("methods", "tdint methods", "tdint methods newmark:beta=0.25:gamma=0.5")
+@options.command
 @click.argument("names", nargs=-1, type=options.analysis.method_name, metavar="[SPEC]...")
 @options.analysis.plugin
 @options.option("--references", is_flag=True)

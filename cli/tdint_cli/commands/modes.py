@@ -34,11 +34,7 @@ MODES = (
 )
 
 
-@options.command(
-    "modes",
-    "tdint modes office.yaml",
-    "tdint modes office.yaml --target ec8:type=1,soil=B,ag=0.25g",
-)
+@options.command
 @options.analysis.model
 @options.option("--shapes", is_flag=False, flag_value="roof")
 @options.option("--transfer", is_flag=False, flag_value=_GROUND)

@@ -24,11 +24,7 @@ if TYPE_CHECKING:
 _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON file lists all
 
 
-@options.command(
-    "pushover",
-    "tdint pushover office.yaml --drift 3% --plot=pushover.png",
-    "tdint pushover office.yaml --target asce7:sds=1.0,sd1=0.6,tl=8",
-)
+@options.command
 @options.analysis.model
 @options.option("--pattern", default="first-mode")
 @options.option("--drift", default="4%")

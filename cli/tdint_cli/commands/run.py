@@ -54,12 +54,7 @@ _MIN_PROBABILITY = 5e-4
 """Probability below which a damage state is omitted from the summary."""
 
 
-@options.command(
-    "run",
-    "tdint run office.yaml",
-    "tdint run office.yaml --tolerance 1% -o out --history --plot",
-    exits={5: "the run failed, or with --require the drift limit is exceeded"},
-)
+@options.command
 @options.analysis.model
 @options.record.single_record_options
 @options.spectra.floor_request

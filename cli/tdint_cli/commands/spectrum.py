@@ -831,12 +831,7 @@ def tables_of(
 # ---- Spectrum
 
 
-@options.command(
-    "spectrum",
-    "tdint spectrum office-motion.txt --damping 2%,5% -o spectrum.csv --plot",
-    "tdint spectrum office-motion.txt --period 0.5,1 --ductility 2,4",
-    exits={4: "a record cannot be read; the remaining records are processed"},
-)
+@options.command
 @options.record.optional_record_options
 @options.record.one_scale
 @options.spectra.tables_of_records(AXES)

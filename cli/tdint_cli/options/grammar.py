@@ -110,9 +110,8 @@ class Declaration(_Value):
         settings = self.settings
         if self.declare is click.option:
             name = [word for word in self.names if word.startswith("-")][-1].partition("/")[0]
-            # The module of a command has its name.
-            command_name = command.__module__.rpartition(".")[2].replace("_", "-")
-            settings = {"cls": HeadedOption} | listed_settings(command_name, name) | settings
+            listed = listed_settings(_command_name(command), name)
+            settings = {"cls": HeadedOption} | listed | settings
             value_type = settings.get("type")
             # Subclasses of ListOf are options that are not repeated.
             if type(value_type) is ListOf:
@@ -148,13 +147,33 @@ def option(
     return Declaration(click.option, names, settings, behind)
 
 
+def _command_name(function: Callable[..., Any]) -> str:
+    """Return the name of the command that a function defines, which is the name of its module."""
+    return function.__module__.rpartition(".")[2].replace("_", "-")
+
+
+def _rows_of(name: str) -> list[dict[str, str]]:
+    """Return the rows of a table in the directory of this module."""
+    with Path(__file__).with_name(name).open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@cache
+def listed_commands() -> dict[str, dict[str, str]]:
+    """Return the rows of `commands.csv` by command: its group in the help, the package of its
+    module, the first sentence of its help, two examples, which run in a directory with the files
+    that `tdint init office.yaml` writes, and exit codes with a special meaning."""
+    return {row["command"]: row for row in _rows_of("commands.csv")}
+
+
 @cache
 def _rows() -> dict[tuple[str, str], dict[str, str]]:
     """Return the rows of `options.csv` by command (empty: every other command) and option."""
-    file = Path(__file__).with_name("options.csv")
-    with file.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    return {(command, row["option"]): row for row in rows for command in row["commands"].split(" ")}
+    return {
+        (command, row["option"]): row
+        for row in _rows_of("options.csv")
+        for command in row["commands"].split(" ")
+    }
 
 
 def listed_settings(command: str, option: str) -> dict[str, Any]:
@@ -397,7 +416,7 @@ class Command(HelpAsData):
     ----------
     examples : sequence of str
         Command lines for the help.
-    exits : mapping of int to str, optional
+    exits : mapping of str to str, optional
         Meanings of exit codes with a special meaning in this command.
     """
 
@@ -405,7 +424,7 @@ class Command(HelpAsData):
         self,
         name: str | None,
         examples: Sequence[str] = (),
-        exits: Mapping[int, str] | None = None,
+        exits: Mapping[str, str] | None = None,
         **settings: Any,
     ) -> None:
         text = "Show all options and a detailed description of the command, and exit."
@@ -429,7 +448,7 @@ class Command(HelpAsData):
             formatter.write_dl(self._short_option_help(ctx), col_max=_OPTION_WIDTH)
         if self.exits:
             with formatter.section("Exit codes"):
-                formatter.write_dl([(str(code), meaning) for code, meaning in self.exits.items()])
+                formatter.write_dl([*self.exits.items()])
         with formatter.indentation():
             formatter.write_paragraph()
             formatter.write_text(
@@ -687,20 +706,14 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
         raise UsageError(f"{name} has no effect {mode.label}; {advice}")
 
 
-def command(
-    name: str, *examples: str, exits: Mapping[int, str] | None = None
-) -> Callable[[Callable[..., Any]], Command]:
-    """Return a decorator that converts a function to a command of `tdint`.
-
-    Parameters
-    ----------
-    *examples : str
-        Two command lines for the help, which run in a directory with the files that `tdint init
-        office.yaml` writes.
-    exits : mapping of int to str, optional
-        Exit codes with a special meaning in this command.
-    """
-    return click.command(name, cls=Command, examples=examples, exits=exits)
+def command(function: Callable[..., Any]) -> Command:
+    """Return the command of `tdint` that a function of its module defines, with the examples and
+    the exit codes in `commands.csv`."""
+    name = _command_name(function)
+    row = listed_commands()[name]
+    exits = dict(text.split(" ", 1) for text in row["exits"].split(" | ") if text)
+    examples = (row["example_1"], row["example_2"])
+    return click.command(name, cls=Command, examples=examples, exits=exits)(function)
 
 
 def general() -> list[click.Parameter]:

@@ -26,15 +26,7 @@ _ACTIONS = {"status": _STATUS, "export": _EXPORT, "merge": _MERGE}
 """Modes by the first argument; other arguments are campaign files, whose runs are executed."""
 
 
-@options.command(
-    "campaign",
-    "tdint campaign campaign.yaml -o study --plot",
-    "tdint campaign status study",
-    exits={
-        4: "a record could not be read; the other records are processed",
-        5: "with --require: the limit is exceeded, or the campaign is not complete",
-    },
-)
+@options.command
 @options.analysis.plugin
 @options.spectra.floor_request
 @options.of(CampaignRequest)

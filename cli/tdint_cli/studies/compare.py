@@ -95,12 +95,7 @@ class Request:
         return outputs
 
 
-@options.command(
-    "compare",
-    "tdint compare office.yaml --recorded recorded.yaml",
-    "tdint compare office.yaml --recorded recorded.yaml --fit damping -o fitted",
-    exits={5: "--require is not met"},
-)
+@options.command
 @options.analysis.model
 @options.of(Request)
 def command(request: Request) -> None:

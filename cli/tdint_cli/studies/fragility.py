@@ -79,9 +79,7 @@ class Request:
     allow_outside: bool = options.option()
 
 
-@options.command(
-    "fragility", "tdint fragility stripes.csv", "tdint fragility stripes.csv -o curve.csv --plot"
-)
+@options.command
 @options.output.to_files(picture=True, page=True, more=_OPENQUAKE_OPTIONS)
 @options.of(Request)
 def command(request: Request) -> None:

@@ -111,11 +111,7 @@ class IdaRequest(RecordsRequest):
         return picture_file(self.plot, Path(self.output) / RUNS if self.output else None)
 
 
-@options.command(
-    "ida",
-    "tdint ida office.yaml office-motion.txt",
-    "tdint ida office.yaml office-motion.txt --threshold 2% -o study --plot",
-)
+@options.command
 @options.analysis.model
 @options.record.optional_plain_record_options
 @options.of(IdaRequest)

@@ -43,12 +43,7 @@ class Request:
     damping: str = options.option(default="full")
 
 
-@options.command(
-    "inventory",
-    "tdint inventory buildings.csv --units ft -o stories.csv",
-    "tdint inventory buildings.csv --units ft --models models",
-    exits={3: "a row cannot be used; the other rows are processed"},
-)
+@options.command
 @options.output.to_files(more=[_MODELS])
 @options.of(Request)
 def command(request: Request) -> None:

@@ -65,12 +65,7 @@ class MatchRequest(RecordsRequest):
     overwrite: bool = options.option()
 
 
-@options.command(
-    "match",
-    "tdint match office-motion.txt --target ec8:type=1,soil=B,ag=0.25g --range 0.05:3 -o matched",
-    "tdint match office-motion.txt --target asce7:sds=1,sd1=0.6,tl=8 -o asce7 --plot",
-    exits={5: "with --require: a misfit exceeds --max-misfit"},
-)
+@options.command
 @options.record.optional_plain_record_options
 @options.of(MatchRequest)
 def command(request: MatchRequest) -> None:

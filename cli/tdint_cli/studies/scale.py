@@ -159,12 +159,7 @@ class ScaleRequest(RecordsRequest):
 _SPECTRA = options.option("--spectra")
 
 
-@options.command(
-    "scale",
-    "tdint scale office-motion.txt --to sa=0.6g --at 0.8",
-    "tdint scale office-motion.txt --target ec8:type=1,soil=B,ag=0.25g -o factors.csv --plot",
-    exits={5: "a factor exceeds --max-factor; no selection within --factor-range"},
-)
+@options.command
 @options.analysis.plugin
 @options.record.plain_record_options
 @options.output.to_files(picture=True, more=[_SPECTRA])

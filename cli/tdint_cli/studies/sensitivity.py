@@ -78,11 +78,7 @@ _CAMPAIGN = Mode("with a campaign directory, which defines the records and the p
 MODES = (_MODEL, _CAMPAIGN)
 
 
-@options.command(
-    "sensitivity",
-    "tdint sensitivity office.yaml office-motion.txt --vary damping=2%:5%",
-    "tdint sensitivity office.yaml office-motion.txt --vary mass_factor=0.9:1.1 -o mass.csv --plot",
-)
+@options.command
 @options.analysis.plugin
 @click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
 @options.record.optional_plain_record_options
