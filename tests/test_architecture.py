@@ -337,7 +337,7 @@ NAMED_ELSEWHERE = {
         "src/tdint/ground_motion/choice.py": "linear",
         "src/tdint/ground_motion/processing_steps.py": "linear",
         "src/tdint/assessment/stability/stability_figures.py": "linear",
-        "src/tdint/output/figures/spectrum_curves.py": "exact",
+        "src/tdint/output/figures/spectrum_curves.py": "exact linear",
         "src/tdint/assessment/chart/chart_summary.py": "gap",
     },
     "models with a law": {

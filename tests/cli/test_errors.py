@@ -13,7 +13,7 @@ import pytest
 from cli.conftest import STUDY, Command
 from tdint import errors
 from tdint_cli.main import LazyGroup
-from tdint_cli.options.grammar import Command
+from tdint_cli.options import grammar
 from tdint_cli.terminal import Failures, Settings, exit_code_of
 
 
@@ -90,7 +90,7 @@ def test_debug_adds_the_traceback(capsys):
 
 @pytest.mark.parametrize("arguments", [["--debug", "broken"], ["broken", "--debug"], ["broken"]])
 def test_debug_before_or_after_the_command(tdint, monkeypatch, arguments):
-    @click.command("broken", cls=Command)
+    @click.command("broken", cls=grammar.Command)
     def broken():
         raise ZeroDivisionError("a bug")
 
