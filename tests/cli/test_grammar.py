@@ -295,11 +295,7 @@ def test_options_that_depend_on_others_declare_them():
 
 # ---- Modes of a command and their options
 
-MODES = {
-    name: modes
-    for name, (module, _) in COMMANDS.items()
-    if (modes := getattr(import_module(module), "MODES", ()))
-}
+MODES = {name: tuple(modes.values()) for name in COMMANDS if (modes := grammar.modes_of(name))}
 MODE_ARGUMENTS = {
     ("spectrum", "without RECORD"): "--target ec8:type=1,soil=B,ag=0.25g",
     ("spectrum", "with elastic spectra"): "x",

@@ -18,10 +18,9 @@ from tdint.response.defaults import PEAKS, QUANTITIES
 from tdint_cli import options
 from tdint_cli.assessment import method_options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import Count, FileName, ListOf, Number
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
 if TYPE_CHECKING:
@@ -38,14 +37,6 @@ MOST_STORIES = 10_000
 MOST_SECONDS = 1e6
 LIMITS = (0.01, 0.001)
 """Errors for which a method and a time step are recommended."""
-
-_MODEL_OPTIONS = NAMES | {"models", "records", "scale", "duration"}
-_STEP_OPTIONS = _MODEL_OPTIONS | {"steps", "halvings", "cache"}
-_ONE_BUILDING = Mode("with one building", _STEP_OPTIONS | {"tolerances", "versus", "peers"})
-_SIZES = Mode("with --stories", _STEP_OPTIONS | {"stories"})
-_MANY = Mode("with many problems", _MODEL_OPTIONS | {"tolerances", "peers"})
-_PROBLEMS = Mode("with --problems", frozenset({"tolerances", "peers"}))
-MODES = (_ONE_BUILDING, _SIZES, _MANY, _PROBLEMS)
 
 
 @options.request
@@ -128,10 +119,10 @@ def command(request: Request) -> None:
     """
     request = _sorted_files(request)
     if request.problems or len(request.models) > 1 or len(request.records) > 1:
-        refuse_idle(_PROBLEMS if request.problems else _MANY, MODES)
+        refuse_idle("problems" if request.problems else "many")
         _chart_many(request)
         return
-    refuse_idle(_SIZES if request.stories else _ONE_BUILDING, MODES)
+    refuse_idle("sizes" if request.stories else "building")
     building = _check(request)
     from tdint.model.config.model_file import load_model
     from tdint.response.arguments import model_record

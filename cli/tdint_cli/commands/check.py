@@ -10,17 +10,13 @@ import click
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint_cli import options
 from tdint_cli.handlers import call
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import FileName
 from tdint_cli.terminal import Failures, emit, note, warn
 
 if TYPE_CHECKING:
     from tdint.response.overview import Overview
     from tdint.units import OutputUnits
-
-_MODELS = Mode("with models", frozenset(("models", "output_units")))
-_SCHEMA, _PLUGINS = Mode("with --schema"), Mode("with --plugin alone")
-MODES = (_MODELS, _SCHEMA, _PLUGINS)
 
 
 @options.command
@@ -49,8 +45,8 @@ def command(
     contradicts its declared properties. With models that use laws of the plug-in, these laws are
     tested with drift cycles: force, tangent stiffness and energy must be consistent.
     """
-    mode = _SCHEMA if schema else _PLUGINS if plugins and not models else _MODELS
-    refuse_idle(mode, MODES)
+    mode = "schema" if schema else "plugins" if plugins and not models else "models"
+    refuse_idle(mode)
     for file in plugins:
         from tdint.model.plugins import private_imports
 
@@ -62,7 +58,7 @@ def command(
 
         emit(json_bytes(model_schema() if schema == "model" else call("schema of campaigns")))
         return
-    if mode is _PLUGINS:
+    if mode == "plugins":
         call("methods of plug-ins", plugins)
         return
     if not models:

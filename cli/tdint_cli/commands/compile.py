@@ -10,7 +10,7 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs
 from tdint.number_parsing import pluralize
 from tdint_cli import options
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import ListOf
 from tdint_cli.terminal import emit, progress_bar, say
 
@@ -25,10 +25,6 @@ TARGETS = (
 
 # The modes of the command (compilation, --show, and --clean without a compilation), each with the
 # options that have an effect.
-_COMPILE = Mode("", frozenset(("targets", "output")))
-_SHOW = Mode("with --show", frozenset({"show"}))
-_CLEAN = Mode("with --clean alone")
-MODES = (_COMPILE, _SHOW, _CLEAN)
 
 
 @options.request
@@ -65,9 +61,9 @@ def command(request: Request) -> None:
     # --clean is allowed without other options; with models, it is executed before the compilation.
     is_requested = bool(request.models or request.everything)
     if is_requested:
-        refuse_idle(_SHOW if request.show else _COMPILE, MODES)
+        refuse_idle("show" if request.show else "compile")
     elif request.clean:
-        refuse_idle(_CLEAN, MODES)
+        refuse_idle("clean")
     if request.clean:
         from tdint.kernels.building import store
 

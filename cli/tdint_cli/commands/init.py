@@ -13,7 +13,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.number_parsing import pluralize
 from tdint_cli import options
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import Count, FileName, Written
 from tdint_cli.terminal import emit, say
 
@@ -63,29 +63,6 @@ def _weights(text: str) -> tuple[float, ...]:
             f"{len(weights)} weights exceed the maximum of {_MAX_STORIES} floors"
         )
     return tuple(weights)
-
-
-_EQUAL = Mode(
-    "without --weights and --type",
-    frozenset(("stories", "period", "isolated", "tuned_mass_damper")),
-)
-_WEIGHTS = Mode(
-    "with --weights",
-    frozenset(("weights", "period", "isolated", "tuned_mass_damper")),
-    {"stories": "the number of stories is the number of weights"},
-)
-_CURVES = Mode(
-    "with --from-pushover", frozenset({"weights"}), {"period": "the curves define the stiffnesses"}
-)
-_TYPE = Mode(
-    "with --type",
-    frozenset({"stories"}),
-    {
-        "weights": "the rules of the building type define the masses",
-        "period": "the rules of the building type define the period",
-    },
-)
-MODES = (_EQUAL, _WEIGHTS, _CURVES, _TYPE)
 
 
 @options.request
@@ -167,10 +144,10 @@ def _check(request: Request) -> None:
             "specify a file name, or omit --motion"
         )
     if request.structure is None:
-        weights_mode = _CURVES if request.from_pushover else _WEIGHTS
-        refuse_idle(weights_mode if request.weights else _EQUAL, MODES)
+        weights_mode = "curves" if request.from_pushover else "weights"
+        refuse_idle(weights_mode if request.weights else "equal")
         return
-    refuse_idle(_TYPE, MODES)
+    refuse_idle("type")
     structures = _structures()
     if request.structure not in structures:
         raise UsageError(

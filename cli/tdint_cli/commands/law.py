@@ -11,7 +11,7 @@ from tdint.errors import UsageError
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import ListOf, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from tdint.response.static.cyclic import Cycle, CyclicTest
     from tdint.units import DriftSize, OutputUnits
 
-_CYCLES = Mode("without --path", frozenset(("drifts", "cycles", "points")))
-_PATH = Mode("with --path, which defines all drifts")
-MODES = (_CYCLES, _PATH)
 _POINTS = 200  # points per quarter cycle, so that loops are smooth in print
 
 
@@ -67,7 +64,7 @@ def command(request: Request) -> None:
     """
     if request.path is None and not request.drifts:
         raise UsageError("the imposed drifts are required; add --drift or --path")
-    refuse_idle(_CYCLES if request.path is None else _PATH, MODES)
+    refuse_idle("cycles" if request.path is None else "path")
     if request.path == request.model == "-":
         raise UsageError("MODEL.yaml and --path cannot both be standard input; use a file for one")
     from tdint.model.config.model_file import load_model

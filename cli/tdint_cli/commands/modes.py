@@ -10,7 +10,7 @@ from tdint.errors import TdintError, UsageError
 from tdint.output import figures, tables
 from tdint.output.spectrum_text import spectrum_text
 from tdint_cli import options
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 
 _MAX_BARE = 6  # maximum number of periods of the stories alone in a note
 _GROUND = "ground"  # source of the motion for --transfer, as in `analysis.spectra.transfer`
-
-MODES = (
-    _MODE_TABLE := Mode("without --target or --transfer", frozenset({"shapes"})),
-    _PEAK_TABLE := Mode("with --target", frozenset({"target"})),
-    _TRANSFER_TABLE := Mode("with --transfer", frozenset({"transfer"})),
-)
 
 
 @options.command
@@ -60,8 +54,8 @@ def command(
     in the harmonic steady state, with the initial stiffness. The damping of the model, dashpots
     and braced dampers are included exactly; power-law dashpots are refused.
     """
-    mode = _MODE_TABLE if target is None else _PEAK_TABLE
-    refuse_idle(_TRANSFER_TABLE if transfer is not None else mode, MODES)
+    table_name = "modes" if target is None else "peaks"
+    refuse_idle("transfer" if transfer is not None else table_name)
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 

@@ -23,12 +23,8 @@ from tdint_cli.commands.run_request import (
     CONTACTS,
     ELEMENTS,
     LINKS,
-    MODES,
     RESULTANTS,
     ROWS,
-    SEQUENCE,
-    SEVERAL,
-    SINGLE,
     STORIES,
     SUMMARY,
     Request,
@@ -116,7 +112,7 @@ def command(request: Request) -> None:
             "error estimates; omit one"
         )
     if request.sequence:
-        refuse_idle(SEQUENCE, MODES)
+        refuse_idle("sequence")
         request.check_sequence()
         _run(request)
         return
@@ -129,11 +125,11 @@ def command(request: Request) -> None:
         or (records and is_set(records[0]))
     )
     if is_set_of_runs and not _is_pair(request, records):
-        refuse_idle(SEVERAL, MODES)
+        refuse_idle("several")
         request.floor_request.check(request.output)
         call("several runs", request, records)
     else:
-        refuse_idle(SINGLE, MODES)
+        refuse_idle("single")
         _run(request)
 
 

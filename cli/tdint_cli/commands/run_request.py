@@ -14,7 +14,6 @@ from tdint.files import check_outputs
 from tdint.units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion
-from tdint_cli.options.grammar import Mode
 from tdint_cli.options.option_types import BESIDE, FileName, Number
 from tdint_cli.options.output import picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
@@ -33,37 +32,6 @@ _TABLES = (
 ALL_FILES = (*_TABLES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """All files that a single run or a sequence can write to the directory of -o. The summary is
 written last: if its status is `done`, all files are complete."""
-
-_SINGLE_OPTIONS = ("history", "history_every", "tolerance", "allow_unstable", "export_floors")
-"""Options that cannot be used with several runs."""
-
-# Options that have an effect in all modes, such as --check, are not listed in any mode.
-
-SINGLE = Mode("with a single run", frozenset((*_SINGLE_OPTIONS, "duration", "limit")))
-"""One run, with or without a record. --factors is not listed, because it selects `SEVERAL`."""
-
-SEQUENCE = Mode(
-    "with --sequence",
-    frozenset(_SINGLE_OPTIONS),
-    {
-        "duration": "all records are used completely; --rest is the time between them",
-        "factors": "specify the factors with --scale",
-    },
-)
-"""One run under successive records. It supports `_SINGLE_OPTIONS`, because its result is one
-response."""
-
-SEVERAL = Mode(
-    "with several runs",
-    frozenset(("duration", "limit", "factors", "pair_demand", "changed")),
-    dict.fromkeys(
-        _SINGLE_OPTIONS, "it requires one record and one scale: use a separate call for each run"
-    ),
-)
-"""Runs under several records or with several scale factors."""
-
-MODES = (SINGLE, SEQUENCE, SEVERAL)
-"""All modes of `tdint run`. An option of one mode is refused in modes that do not list it."""
 
 
 @options.request

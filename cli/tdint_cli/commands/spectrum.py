@@ -28,10 +28,10 @@ from tdint.response.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint_cli import options
 from tdint_cli.drawing import reading_width, table_bytes
 from tdint_cli.options import option_types
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import BESIDE
 from tdint_cli.options.output import SUFFIX, Outputs, beside, picture_file
-from tdint_cli.options.record import NAMES, RecordsRequest, notes_of_components
+from tdint_cli.options.record import RecordsRequest, notes_of_components
 from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
 
@@ -85,8 +85,6 @@ class Results:
 
 class TableType(Protocol):
     """A type of table over the period."""
-
-    mode: Mode = Mode("")
 
     def check(self, request: Any) -> None:
         """Raise UsageError for options that cannot be used together, before any computation."""
@@ -297,16 +295,6 @@ class SpectrumRequest(TablesRequest):
 
 # ---- Spectrum kinds
 
-_PERIODS = NAMES | {"damping", "periods", "plot"}
-"""Options of all spectra of records over the period."""
-
-TARGET_ALONE = Mode(
-    "without RECORD",
-    frozenset(("target", "periods", "plot")),
-    {"damping": "give the damping of a design spectrum by name: ec8:...,damping=2%"},
-)
-"""The table of a target spectrum, without records."""
-
 
 class _OscillatorSpectra(TableType):
     """Spectra over the requested periods, with a note on these periods."""
@@ -357,10 +345,6 @@ class _OscillatorSpectra(TableType):
 class Elastic(_OscillatorSpectra):
     """Elastic spectra of single components."""
 
-    mode = Mode(
-        "with elastic spectra", _PERIODS | {"method", "maxima", "interpolation", "target", "axes"}
-    )
-
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectrum of each component for each damping ratio."""
         from tdint.response.spectra.elastic import spectrum
@@ -388,11 +372,6 @@ class Elastic(_OscillatorSpectra):
 class Inelastic(_OscillatorSpectra):
     """Inelastic spectra of oscillators with bilinear hysteresis, for constant ductility, strength
     or reduction of the strength."""
-
-    mode = Mode(
-        "with --ductility, --strength or --reduction",
-        _PERIODS | {"ductility", "strength", "reduction"},
-    )
 
     def check(self, request: SpectrumRequest) -> None:
         kinds = ("ductility", "strength", "reduction")
@@ -426,8 +405,6 @@ class Inelastic(_OscillatorSpectra):
 class Fourier(TableType):
     """Fourier amplitude spectra of single components."""
 
-    mode = Mode("with --fourier", NAMES | {"fourier", "plot"})
-
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectrum of each component."""
         from tdint.response.spectra.fourier import fourier_spectrum
@@ -437,8 +414,6 @@ class Fourier(TableType):
 
 class Histories(TableType):
     """Response histories of oscillators at the samples of single components."""
-
-    mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
 
     def check(self, request: SpectrumRequest) -> None:
         if request.history != option_types.BESIDE:
@@ -462,10 +437,6 @@ class Histories(TableType):
 
 class Rotated(_OscillatorSpectra):
     """Spectra of two horizontal components over all directions."""
-
-    mode = Mode(
-        "with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"}
-    )
 
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
         """Group the files by ground motion: files with equal names except for the component.
@@ -528,8 +499,6 @@ class Rotated(_OscillatorSpectra):
 class Against(TableType):
     """Elastic spectra compared with a published spectrum."""
 
-    mode = Mode("with --against", _PERIODS | {"against", "method", "maxima", "interpolation"})
-
     def check(self, request: SpectrumRequest) -> None:
         """Check the options and the file of the published spectrum before any computation.
 
@@ -583,12 +552,6 @@ class Against(TableType):
     def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Figure:
         """Return a figure of both spectra and their difference."""
         return figures.spectrum_curves.difference_picture(lines, request.shown_units)
-
-
-MODES = (
-    TARGET_ALONE,
-    *(table_type.mode for table_type in (Elastic, Inelastic, Fourier, Histories, Rotated, Against)),
-)
 
 
 def _is_single(request: SpectrumRequest, file: str) -> bool:
@@ -875,18 +838,19 @@ def command(request: SpectrumRequest) -> None:
         return
     # Use the first type of table that is requested; the options of the other types are refused.
     table_type: TableType = Elastic()
-    choices: tuple[tuple[Any, type[TableType]], ...] = (
-        (request.fourier, Fourier),
-        (request.against, Against),
-        (request.ductility or request.strength or request.reduction, Inelastic),
-        (request.oscillator, Histories),
-        (request.rotd, Rotated),
+    mode = "elastic"
+    choices: tuple[tuple[Any, str, type[TableType]], ...] = (
+        (request.fourier, "fourier", Fourier),
+        (request.against, "against", Against),
+        (request.ductility or request.strength or request.reduction, "inelastic", Inelastic),
+        (request.oscillator, "histories", Histories),
+        (request.rotd, "rotated", Rotated),
     )
-    for option_value, requested_type in choices:
+    for option_value, name, requested_type in choices:
         if option_value:
-            table_type = requested_type()
+            mode, table_type = name, requested_type()
             break
-    refuse_idle(table_type.mode, MODES)
+    refuse_idle(mode)
     make_tables(request, table_type)
 
 
@@ -900,7 +864,7 @@ def _write_target(request: SpectrumRequest) -> None:
             "Missing argument 'RECORD...'. Add record files, or --target SPECTRUM to write the "
             "table of a target spectrum."
         )
-    refuse_idle(TARGET_ALONE, MODES)
+    refuse_idle("target")
     if request.is_folder:
         raise UsageError(
             f"-o {request.output}: must be a file, because --target without RECORD writes one table"

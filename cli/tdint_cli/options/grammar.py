@@ -6,7 +6,7 @@ import csv
 import functools
 import re
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from itertools import pairwise, takewhile
@@ -686,24 +686,46 @@ class Mode:
     advice: Mapping[str, str] = field(default_factory=dict)
 
 
-def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
-    """Raise UsageError if the command line has an option without an effect in its mode."""
+READING = frozenset(("units", "component", "inventory")) | {
+    flag.removeprefix("--").replace("-", "_") for flag in DESCRIBED_OPTIONS
+}
+"""Names of the parameters by which a record is read and processed, without the scale factor."""
+
+
+def modes_of(command: str) -> dict[str, Mode]:
+    """Return the modes of a command by their names, from `modes.csv`: `takes` contains parameter
+    names, and `reading` for the parameters of `READING`."""
+    modes = {}
+    for row in _rows_of("modes.csv"):
+        if row["command"] == command:
+            names = frozenset(row["takes"].split())
+            takes = names - {"reading"} | READING if "reading" in names else names
+            advice = dict(text.split(": ", 1) for text in row["advice"].split(" | ") if text)
+            modes[row["mode"]] = Mode(row["label"], takes, advice)
+    return modes
+
+
+def refuse_idle(name: str) -> None:
+    """Raise UsageError if the command line has an option without an effect in a mode of its
+    command, an entry of `modes_of`."""
     context = click.get_current_context()
+    modes = modes_of(context.command.name or "")
+    mode = modes[name]
     # An option that is listed for no mode has an effect in all modes, so that only options of other
     # modes are refused.
-    without_effect = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
+    without_effect = frozenset[str]().union(*(other.takes for other in modes.values())) - mode.takes
     for parameter in context.command.params:
         if parameter.name not in without_effect or not _is_given(context, parameter):
             continue
         if isinstance(parameter, click.Option):
-            name = parameter.opts[-1]
+            option = parameter.opts[-1]
         else:
-            name = argument_name(parameter)
+            option = argument_name(parameter)
         # If a flag with two names, such as --cache/--no-cache, is False, its second name was typed.
         if parameter.secondary_opts and not context.params[parameter.name]:
-            name = parameter.secondary_opts[-1]
-        advice = mode.advice.get(parameter.name, f"omit {name}")
-        raise UsageError(f"{name} has no effect {mode.label}; {advice}")
+            option = parameter.secondary_opts[-1]
+        advice = mode.advice.get(parameter.name, f"omit {option}")
+        raise UsageError(f"{option} has no effect {mode.label}; {advice}")
 
 
 def command(function: Callable[..., Any]) -> Command:

@@ -105,12 +105,6 @@ _PROCESSING = (
 )
 
 
-NAMES = frozenset(("units", "component", "inventory")) | {
-    flag.removeprefix("--").replace("-", "_") for flag in grammar.DESCRIBED_OPTIONS
-}
-"""Names of the parameters by which a record is read and processed, without the scale factor."""
-
-
 _DESCRIPTION_SUFFIXES = (".yaml", ".yml")
 
 

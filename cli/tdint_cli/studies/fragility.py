@@ -13,7 +13,7 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs, is_file, write_files
 from tdint.number_parsing import pluralize
 from tdint_cli import options
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import FileName, Number
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say, warn
@@ -22,32 +22,6 @@ if TYPE_CHECKING:
     from tdint.output.figures.style import Figure
     from tdint.studies.fragility.fit_table import FragilityResult
     from tdint.studies.fragility.fragility_function import Fragility
-
-_FITS = ("stripes", "ida", "cloud")
-_FIT = Mode(
-    "with a single measure",
-    frozenset(
-        (
-            "fit",
-            "threshold",
-            "by",
-            "edp_range",
-            "modeling_dispersion",
-            "hazard",
-            "allow_outside",
-            "openquake",
-            "plot",
-            "report",
-            "output_units",
-            "pair_demand",
-        )
-    ),
-    {"sufficiency": "it compares intensity measures; specify several with --im"},
-)
-_COMPARE = Mode(
-    "with several measures (--im), because they are compared", frozenset({"sufficiency"})
-)
-MODES = (_FIT, _COMPARE)
 
 SIGNIFICANT = 0.05
 """P-value below which a slope is reported as significant."""
@@ -102,7 +76,7 @@ def command(request: Request) -> None:
     failed runs are excluded.
     """
     several = bool(request.im and len(request.im) > 1)
-    refuse_idle(_COMPARE if several else _FIT, MODES)
+    refuse_idle("compare" if several else "fit")
     if is_file(Path(request.table) / "campaign.sqlite"):
         from tdint.studies.store.opening import open_existing
         from tdint_cli.studies.campaign_files import warn_unfinished

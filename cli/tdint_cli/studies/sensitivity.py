@@ -15,7 +15,7 @@ from tdint.files import digest_of, is_folder, record_digest
 from tdint.number_parsing import parse_ratio, pluralize
 from tdint.system import processors
 from tdint_cli import options
-from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
@@ -58,26 +58,6 @@ class Request(RecordsRequest):
     dt: float | None = options.option()
 
 
-_MODEL = Mode(
-    "with a model",
-    frozenset(
-        {
-            "units",
-            "component",
-            "inventory",
-            "records",
-            "ranges",
-            "method",
-            "dt",
-            "plot",
-            "output_units",
-        }
-    ),
-)
-_CAMPAIGN = Mode("with a campaign directory, which defines the records and the parameters")
-MODES = (_MODEL, _CAMPAIGN)
-
-
 @options.command
 @options.analysis.plugin
 @click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
@@ -98,7 +78,7 @@ def command(request: Request) -> None:
     """
     # A campaign contains its results: compute their rank correlations, without new runs.
     if is_folder(request.building):
-        refuse_idle(_CAMPAIGN, MODES)
+        refuse_idle("campaign")
         from tdint.studies.sensitivity.sensitivity_tables import correlation_table
         from tdint.studies.store.opening import check_chunks, open_existing
         from tdint_cli.studies.campaign_files import warn_unfinished
