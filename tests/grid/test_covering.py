@@ -60,7 +60,7 @@ SAME_MOTION = {
     *("excitation.forces.file", "excitation.forces.floors", "excitation.forces.column"),
     # laws and dashpots of attachments and links are those of stories
     *(f"{device}.{key}" for device in ("attachments", "links") for key in ("law", "dashpot")),
-    # inerters of linear models: tests/response/runs/test_inertance.py
+    # inerters: tests/response/runs/test_inertance.py and test_inertance_with_laws.py
     *("attachments.weight", "attachments.inertance", "links.inertance", "stories.inertance"),
     *("attachments.mass_ratio", "attachments.period", "attachments.damping"),
     # two directions, each a building of the grid: tests/response/runs/test_two_directions.py

@@ -118,6 +118,12 @@ NEXT_TIED = 24  # next link with the same upper floor; 0 for none
 ENTRY = 25
 NEXT_ENTRY = 26
 LINEAR_TERM_ROWS = 27
+# Further rows in a building with inerters and nonlinear laws only. MASS is then the mass that the
+# ground motion loads, and INVERSE_MASS is 1: `distribute` converts forces to accelerations.
+STORY_INERTANCE = LINEAR_TERM_ROWS  # of an inerter between the ends of the spring, kg
+FLOOR_INERTANCE = LINEAR_TERM_ROWS + 1  # of an inerter from the floor to the ground, kg
+# Factors L and U of the mass matrix with inertance, in one square table without the diagonal of L
+MASS_FACTORS = LINEAR_TERM_ROWS + 2
 UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 0
 
 # law_parameters: parameters of the hysteresis models (drift laws), by story. A story with several
@@ -228,6 +234,7 @@ PEAK_ACCELERATION = 4  # absolute acceleration: relative acceleration plus groun
 PEAK_TOTAL_SHEAR = 5
 PEAK_DRIFT_RATE = 6  # drift rate of stories with a dashpot, m/s; 0 for other stories
 PEAK_BRACE_FORCE = 7  # force of dampers with a brace, N
+PEAK_INERTER_FORCE = 7  # in a building with inerters, which has no braces, force of the inerter, N
 PEAK_ROWS = 8
 
 # observer_state: memory of the observer of the response, by floor or story
@@ -394,7 +401,7 @@ LIMIT_ROWS = 6
 # flags: properties that are set before the time integration and remain constant
 LINEAR = 0  # 1 if every law is linear
 BRANCHES = 1  # laws with branches whose changes can be located: one of the values below
-# 1 if a story has a power-law dashpot, a damper with a brace or tangent damping
+# 1 if a story has a power-law dashpot, a damper with a brace, tangent damping or an inerter
 POWER_DAMPERS = 2
 OWN_WORK = 3  # 1 if the step reports the work of the load and of the dampers
 UNRESOLVED_MODES = 4  # 1 if the building has modes with periods that the step does not resolve

@@ -405,6 +405,65 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
 
 
 @inline
+def has_inerters(linear_terms):
+    """Return True if the building has inerters; plain kernels do not contain this test."""
+    return linear_terms.shape[0] > rows.LINEAR_TERM_ROWS
+
+
+@inline
+def inerter_force(linear_terms, table, row, i):
+    """Return the force of the inerter in column `i` for the accelerations in a row, N."""
+    return linear_terms[rows.STORY_INERTANCE, i] * story_value(linear_terms, table, row, i) + (
+        linear_terms[rows.FLOOR_INERTANCE, i] * table[row, i]
+    )
+
+
+@inline
+def add_inertance(linear_terms, table, x, factor, scratch, row):
+    """Add factor * B x to a row of `scratch`, with the inertance matrix B and row `x` of `table`.
+
+    For accelerations x and the factor 1, the sum is the force of the inerters on the floors, N.
+    """
+    if FULL and has_inerters(linear_terms):
+        _add_inertance(linear_terms, table, x, factor, scratch, row)
+
+
+@outlined
+def _add_inertance(linear_terms, table, x, factor, scratch, row):
+    """Add factor * B x to a row of `scratch`."""
+    for i in range(linear_terms.shape[1] - 1):
+        force = factor * linear_terms[rows.STORY_INERTANCE, i]
+        force *= story_value(linear_terms, table, x, i)
+        scratch[row, upper_of(linear_terms, i)] += force
+        scratch[row, base_of(linear_terms, i)] -= linear_terms[rows.LINK, i] * force
+        scratch[row, i] += factor * linear_terms[rows.FLOOR_INERTANCE, i] * table[x, i]
+
+
+@inline
+def distribute(linear_terms, table, row):
+    """Replace the forces on all floors in a row of `table` by the accelerations that they cause, if
+    inerters couple the floors; forces have been multiplied by INVERSE_MASS, which is then 1."""
+    if FULL and has_inerters(linear_terms):
+        _distribute(linear_terms, table, row)
+
+
+@outlined
+def _distribute(linear_terms, table, row):
+    """Solve L U a = b for b in a row of `table`, which receives a."""
+    first, count = rows.MASS_FACTORS, linear_terms.shape[0] - rows.MASS_FACTORS
+    for i in range(count):
+        for j in range(i):
+            table[row, i] -= linear_terms[first + i, j] * table[row, j]
+    i = count
+    while i > 0:
+        i -= 1
+        for j in range(i + 1, count):
+            table[row, i] -= linear_terms[first + i, j] * table[row, j]
+        table[row, i] /= linear_terms[first + i, i]
+    tie(linear_terms, table, row)
+
+
+@inline
 def has_dashpot(linear_terms, i):
     """Return True if story `i` has a dashpot without a brace, linear or of a power law."""
     return (linear_terms[rows.DASHPOT, i] != 0.0) | (linear_terms[rows.POWER_DAMPER, i] != 0.0)

@@ -11,7 +11,15 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import F8, FULL, I8, indirect_caller, inline, kernel, outlined
-from tdint.kernels.linear_terms import above, base_of, force_value, internal_forces, is_tree
+from tdint.kernels.linear_terms import (
+    above,
+    base_of,
+    distribute,
+    force_value,
+    has_inerters,
+    internal_forces,
+    is_tree,
+)
 from tdint.kernels.peaks_between_steps import (
     ends_of_story,
     floor_ends,
@@ -93,6 +101,8 @@ def _raise_peaks_at(scene, span, passage, law_state, previous, s, located):
     table, first, peaks, first_peak = located
     linear_terms, _, _, forces, _ = scene
     _store_internal_forces(scene, span, passage, law_state, previous, s, located)
+    if FULL and has_inerters(linear_terms):
+        _balance_internal_forces(scene, span, s, located)
     total_shear = 0.0
     # `while` as in `tdint.kernels.time_loop.observer.observe`
     i = linear_terms.shape[1] - 1
@@ -111,7 +121,31 @@ def _raise_peaks_at(scene, span, passage, law_state, previous, s, located):
             if forces[j, rows.FLOOR] == i:
                 force -= force_value(forces, j, span.t - (1.0 - s) * span.h)
         acceleration = linear_terms[rows.INVERSE_MASS, i] * force
+        if FULL and has_inerters(linear_terms):
+            acceleration = table[first + rows.LOCATED_VELOCITY, i]
         raise_peak(peaks, first_peak + rows.PEAK_ACCELERATION, i, acceleration)
+
+
+@outlined
+def _balance_internal_forces(scene, span, s, located):
+    """Replace the velocities by the absolute accelerations, and the internal force of each floor by
+    its load minus mass times absolute acceleration, in a building with inerters."""
+    table, first, _, _ = located
+    linear_terms, _, _, forces, _ = scene
+    internal, accelerations = first + rows.LOCATED_INTERNAL, first + rows.LOCATED_VELOCITY
+    n = linear_terms.shape[1] - 1
+    ground = s * span.ground_1 + (1.0 - s) * span.ground_0
+    for i in range(n):
+        table[accelerations, i] = -table[internal, i] - linear_terms[rows.MASS, i] * ground
+        table[internal, i] = 0.0
+    for j in range(forces.shape[0]):
+        force = force_value(forces, j, span.t - (1.0 - s) * span.h)
+        table[internal, int(forces[j, rows.FLOOR])] += force
+        table[accelerations, int(forces[j, rows.FLOOR])] += force
+    distribute(linear_terms, table, accelerations)
+    for i in range(n):
+        table[accelerations, i] += ground
+        table[internal, i] -= linear_terms[rows.MASS, i] * table[accelerations, i]
 
 
 @inline
@@ -203,7 +237,12 @@ def update_located_peaks(scene, memory, seen, t, h, fast, previous):
     The step ends at `t` and has the length `h`, `fast` is 1 or 0 (`Span`), `previous` as in
     `raise_located_peaks`.
     """
-    span = Span(t, h, 0.0, 0.0, False, fast != 0, False, False)
+    ground_0 = ground_1 = 0.0
+    if FULL and has_inerters(scene.linear_terms):
+        n = scene.linear_terms.shape[1] - 1
+        ground_0 = seen.observer_state[rows.LOCATED + rows.LOCATED_DEVICE, n]
+        ground_1 = memory.step_status[rows.STATE_GROUND]
+    span = Span(t, h, ground_0, ground_1, False, fast != 0, False, False)
     passage = observed_passage(memory.state, seen.observer_state)
     located = Located(seen.observer_state, rows.LOCATED, seen.peaks, 0)
     raise_located_peaks(scene, span, passage, memory.law_state, previous, located)

@@ -74,6 +74,7 @@ from tdint.kernels.linear_terms import (
     below_next,
     force_value,
     has_dashpot,
+    has_inerters,
     hermite_rate,
     is_tree,
     power_damper,
@@ -404,7 +405,10 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
         # the mass of all floors above the story for the shear.
         if not span.cornered:
             near_rest = _NOT_NEAR_REST
-            if FULL and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
+            if FULL and has_inerters(linear_terms):
+                row = first_peak + rows.PEAK_INERTER_FORCE
+                _raise_inerter_peak(span, by_h, linear_terms, floor, story, peaks, row, i)
+            elif FULL and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
                 near_rest = _dashpot_near_rest(span.h, linear_terms, i, story)
             row = first_peak + rows.PEAK_ACCELERATION
             if not span.kinked:
@@ -540,6 +544,19 @@ def ends_of_story(has_unresolved_modes, linear_terms, passage, law_state, i):
     floor = floor_ends(has_unresolved_modes, passage, i)
     floor_below = floor_ends(has_unresolved_modes, passage, base_of(linear_terms, i))
     return story_ends(floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
+
+
+@outlined
+def _raise_inerter_peak(span, by_h, linear_terms, floor, story, peaks, row, i):
+    """Raise the peak of the force of an inerter by the extremum of its cubic in the step."""
+    ends = _sum_of_ends(
+        linear_terms[rows.STORY_INERTANCE, i], story, linear_terms[rows.FLOOR_INERTANCE, i], floor
+    )
+    bulge, tilt = acceleration_bulge(by_h, ends), acceleration_tilt(by_h, ends)
+    weight = tilt_weight(bulge, tilt)
+    if weight > 0.0:
+        cubic = ends.a0, ends.a1, weight * bulge, weight * tilt
+        _raise_peak_of_cubic(span, ends, cubic, peaks, row, i, False)
 
 
 @inline

@@ -57,13 +57,14 @@ DEFAULT_METHOD = "impulse4"
 """Default method."""
 
 EXACT = "exact"
-"""Only method for models of matrices and flexural stories, and default of models with inerters."""
+"""Only method for models of matrices and flexural stories, and default of linear models with
+inerters."""
 
 
 def method_of(model: Model, requested: str | None = None) -> str:
     """Return the method of a model: the requested method, that of its file, or the default."""
-    is_chain = model.matrices is None and not model.has_inertance
-    default = DEFAULT_METHOD if is_chain else EXACT
+    uses_matrices = model.matrices is not None or (model.has_inertance and model.has_linear_springs)
+    default = EXACT if uses_matrices else DEFAULT_METHOD
     return requested or model.analysis.method or default
 
 

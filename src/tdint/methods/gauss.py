@@ -35,10 +35,12 @@ from tdint.kernels.equations.tridiagonal import (
 )
 from tdint.kernels.linear_terms import (
     above,
+    add_inertance,
     add_modal_force,
     below,
     finite,
     floor_load,
+    has_inerters,
     power_damper,
     size_above,
     tie,
@@ -551,10 +553,11 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
         residuals = _IMPLICIT.RESIDUAL + stage
         story_force = _IMPLICIT.STORY_FORCE + stage
         force_scale = _IMPLICIT.FORCE_SCALE + stage
-        # The row first receives the modal damping forces.
+        # The row first receives the forces of modal damping and inerters.
         for i in range(n):
             scratch[residuals, i] = 0.0
         add_modal_force(modal, scratch, velocity, 1.0, scratch, residuals, n)
+        add_inertance(linear_terms, scratch, _IMPLICIT.STAGE_A + stage, 1.0, scratch, residuals)
         for i in range(n):
             load = scratch[_IMPLICIT.STAGE_LOAD + stage, i]
             inertia = linear_terms[rows.MASS, i] * scratch[_IMPLICIT.STAGE_A + stage, i]
@@ -604,11 +607,13 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 story += _brace_entry(coefficients, h, scratch, i, entry)
             if FULL and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
                 story += _tangent_damping_entry(coefficients, linear_terms, h, scratch, i, entry)
+            mass = linear_terms[rows.MASS, i]
+            if FULL and has_inerters(linear_terms):
+                story += m_factor * linear_terms[rows.STORY_INERTANCE, i]
+                mass += linear_terms[rows.FLOOR_INERTANCE, i]
             scratch[_IMPLICIT.COUPLING + entry, i] = story
             scratch[_IMPLICIT.BLOCKS + entry, i] = (
-                m_factor * linear_terms[rows.MASS, i]
-                + c_factor * linear_terms[rows.FLOOR_DAMPER, i]
-                + story
+                m_factor * mass + c_factor * linear_terms[rows.FLOOR_DAMPER, i] + story
             )
     copy_rows_within(scratch, _IMPLICIT.TANGENT, _IMPLICIT.FACTORED_TANGENT, 2)
     copy_rows_within(scratch, _IMPLICIT.DAMPER_TANGENT, _IMPLICIT.FACTORED_DAMPER_TANGENT, 2)
@@ -692,6 +697,7 @@ IMPLICIT = Family(
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
     mean_rule=GAUSS_MEAN,
     devices=True,
+    inertance=True,
 )
 
 METHODS = (

@@ -32,6 +32,7 @@ from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import (
     FACTORS,
     ROW,
+    accelerate,
     factor_rows,
     keep_negligible_kinks,
     newton,
@@ -43,14 +44,14 @@ from tdint.kernels.laws.branch_following import copy_extra_rows
 from tdint.kernels.laws.selection import elements_of
 from tdint.kernels.linear_terms import (
     above,
-    base_of,
     below,
     finite,
     force_value,
+    has_inerters,
+    inerter_force,
     is_tree,
     story_value,
     tie,
-    upper_of,
 )
 from tdint.kernels.located_peaks import raise_located_peaks
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, keep_corner, raise_peak
@@ -391,13 +392,7 @@ def _change_branch(scene, memory, story, column, event):
         jump += damping_force - state[rows.DAMPING_FORCE, story]
         state[rows.DAMPING_FORCE, story] = damping_force
     if jump != 0.0:
-        floor = upper_of(linear_terms, story)
-        state[rows.ACCELERATION, floor] -= jump * linear_terms[rows.INVERSE_MASS, floor]
-        if story > 0:
-            base = base_of(linear_terms, story)
-            state[rows.ACCELERATION, base] += (
-                linear_terms[rows.LINK, story] * jump * linear_terms[rows.INVERSE_MASS, base]
-            )
+        accelerate(linear_terms, state, rows.ACCELERATION, story, -jump, memory.scratch)
         tie(linear_terms, state, rows.ACCELERATION)
     return has_lost_force
 
@@ -604,7 +599,10 @@ def _store_end_forces(story, column, event, linear_terms, law_parameters, memory
     state.
     """
     state, law_state, scratch, _ = memory
-    for i in range(linear_terms.shape[1] - 1):
+    n = linear_terms.shape[1] - 1
+    if FULL and has_inerters(linear_terms):  # a force accelerates all floors
+        copy_rows(state, rows.ACCELERATION, scratch, ROW.END_ACCELERATION, 1, n)
+    for i in range(n):
         drift = limited = law_state[rows.DRIFT, i]
         slope = law_state[rows.SLOPE, i]
         if FULL and law_parameters[rows.CODE, i] < rows.ELEMENTS:
@@ -615,17 +613,12 @@ def _store_end_forces(story, column, event, linear_terms, law_parameters, memory
                 limited = law_state[rows.UPPER if event == rows.ABOVE else rows.LOWER, column]
         scratch[ROW.END_EXCESS, i] = drift - limited
         scratch[ROW.END_FORCE, i] = law_state[rows.FORCE, i]
-        scratch[ROW.END_ACCELERATION, i] = state[rows.ACCELERATION, i]
+        if not (FULL and has_inerters(linear_terms)):
+            scratch[ROW.END_ACCELERATION, i] = state[rows.ACCELERATION, i]
         if limited != drift:
             excess = slope * (drift - limited)
             scratch[ROW.END_FORCE, i] -= excess
-            floor = upper_of(linear_terms, i)
-            scratch[ROW.END_ACCELERATION, floor] += linear_terms[rows.INVERSE_MASS, floor] * excess
-            if i > 0:
-                base = base_of(linear_terms, i)
-                scratch[ROW.END_ACCELERATION, base] -= (
-                    linear_terms[rows.LINK, i] * linear_terms[rows.INVERSE_MASS, base] * excess
-                )
+            accelerate(linear_terms, scratch, ROW.END_ACCELERATION, i, excess, scratch)
 
 
 @outlined
@@ -695,6 +688,9 @@ def _update_substep_peaks(scene, span, memory):
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
+        if FULL and has_inerters(scene.linear_terms):
+            force = inerter_force(scene.linear_terms, scratch, ROW.END_ACCELERATION, i)
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_INERTER_FORCE, i, force)
         if FULL:
             acceleration = scratch[ROW.END_ACCELERATION, i] + span.ground_1
             keep_corner(scratch, ROW.PEAKS, i, acceleration, span.t)
@@ -853,6 +849,7 @@ FAMILY = Family(
     devices=True,
     braced_devices=True,
     impact_damping=True,
+    inertance=True,
 )
 
 METHODS = (

@@ -127,6 +127,8 @@ class Family:
         True if it supports them together with braces of dampers and tangent damping.
     impact_damping : bool
         True if it supports the damping of contacts with the law `hertz`.
+    inertance : bool
+        True if it supports inerters in a building that is not linear.
     """
 
     name: str
@@ -149,6 +151,7 @@ class Family:
     devices: bool = False
     braced_devices: bool = False
     impact_damping: bool = False
+    inertance: bool = False
 
 
 @dataclass(frozen=True)

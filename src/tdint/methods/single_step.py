@@ -187,7 +187,13 @@ def _commit_braces(coefficients, linear_terms, h, state, scratch):
         rise_below, v_0_below, v_below = rise, v_0, v
 
 
-FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes), devices=True)
+FAMILY = Family(
+    "single-step",
+    step,
+    lambda modes: _FACTORS + factor_rows(modes),
+    devices=True,
+    inertance=True,
+)
 
 
 def newmark(beta: float, gamma: float) -> tuple[float, ...]:

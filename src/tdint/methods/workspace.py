@@ -119,7 +119,7 @@ def workspace(
     is_smooth = building.power_damped or building.has_damper_state
     if building.piecewise_linear and not is_smooth:
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
-    flags[rows.POWER_DAMPERS] = is_smooth
+    flags[rows.POWER_DAMPERS] = is_smooth or building.inertial
     flags[rows.HAS_BRACES] = building.braced
     flags[rows.HAS_TANGENT_DAMPING] = building.tangent_damped
     flags[rows.HAS_DAMPER_STATE] = building.has_damper_state

@@ -36,7 +36,7 @@ from tdint.model.modes import (
     chain_deformations,
     solve_complex_modes,
 )
-from tdint.model.story import Story, column_name, is_linear
+from tdint.model.story import Story, column_name
 from tdint.model.story_laws import CODES, LAWS, Law, of_samples
 from tdint.model.topology import GROUND, extended, incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
@@ -119,6 +119,16 @@ class Building:
     def branched(self) -> bool:
         """True if the building has attachments or links."""
         return bool(self.attachments or self.links)
+
+    @property
+    def inertial(self) -> bool:
+        """True if the compiled loop integrates the building with inerters."""
+        return len(self.linear_terms) > rows.LINEAR_TERM_ROWS
+
+    @property
+    def uses_matrices(self) -> bool:
+        """True if the loop of matrices integrates the building (`runs.linear_loop`)."""
+        return self.system is not None and not self.inertial
 
     @property
     def masses(self) -> int:
@@ -415,6 +425,10 @@ class Building:
         It is the square root of the maximum row sum of |M^-1 K| with the mass matrix M and the
         stiffness matrix K.
         """
+        if self.inertial and self.system is not None:
+            matrix = self._spring_matrix(np.abs(stiffness))
+            rates = np.linalg.solve(self.system.mass, matrix)
+            return math.sqrt(np.abs(rates).sum(axis=1).max())
         if self.branched:
             ends = np.abs(self.deformations)
             row_sums = ends.T @ (np.abs(stiffness) * ends.sum(axis=1))
@@ -611,23 +625,16 @@ def assemble(model: Model, samples: tuple[int, ...] = ()) -> Building:
     if model.matrices is not None:
         return _assemble_linear(model)
     building = _assemble_springs(model, samples)
-    if not model.has_inertance:
-        return building
-    if labels := [label for label, spring in model.springs if not is_linear(spring)]:
-        raise ModelError(
-            f"{model.name}: inertance is for linear models, but {labels[0]} has a law, elements or "
-            "a damper that is not linear; omit it or the inertance, or write an inerter between a "
-            "floor and the ground as mass of this floor with a force, its inertance times the "
-            "ground acceleration"
-        )
-    return _with_inerters(building, model)
+    return _with_inerters(building, model) if model.has_inertance else building
 
 
 def _with_inerters(building: Building, model: Model) -> Building:
-    """Return a linear building with the matrices of the inerters of a model.
+    """Return a building with the matrices of the inerters of a model, and with the rows of the
+    inerters for the compiled loop if it is not linear.
 
-    The inerter of a story or link acts on its deformation, the inerter of an attachment on its
-    motion relative to the ground. Damping and loaded masses do not include inerters.
+    The matrices have the initial stiffnesses. The inerter of a story or link acts on its
+    deformation, the inerter of an attachment on its motion relative to the ground. Damping and
+    loaded masses do not include inerters.
     """
     # Imported here, because few models have inerters.
     from tdint.model.linear_system import LinearSystem, MatrixVibration
@@ -661,7 +668,31 @@ def _with_inerters(building: Building, model: Model) -> Building:
         *(influence, building.deformations, cuts, springs_of_laws * building.deformations),
         inerters=inertance[:, None] * motions,
     )
-    return replace(building, system=system, vibration=vibration)
+    linear_terms = building.linear_terms
+    if not model.has_linear_springs:
+        linear_terms = _with_inertance(linear_terms, inertia, inertance, rows_of_mass)
+    return replace(building, linear_terms=linear_terms, system=system, vibration=vibration)
+
+
+def _with_inertance(
+    linear_terms: Array, inertia: Array, inertance: Array, attached: slice
+) -> Array:
+    """Return the table of linear terms with the rows of inerters, from the mass matrix with
+    inertance and the inertances of all springs; `attached` are the attachments."""
+    count = len(inertia)
+    table = np.zeros((rows.MASS_FACTORS + count, linear_terms.shape[1]))
+    table[: rows.LINEAR_TERM_ROWS] = linear_terms
+    table[rows.STORY_INERTANCE, : len(inertance)] = inertance
+    table[rows.STORY_INERTANCE, attached] = 0.0
+    table[rows.FLOOR_INERTANCE, attached] = inertance[attached]
+    table[rows.INVERSE_MASS, :-1] = 1.0
+    table[rows.UPPER_FLOOR, -1] = 1.0  # the kernels use the ends of the springs, also in a chain
+    factors = table[rows.MASS_FACTORS :, :count]
+    factors[:] = inertia
+    for i in range(count):
+        factors[i + 1 :, i] /= factors[i, i]
+        factors[i + 1 :, i + 1 :] -= np.outer(factors[i + 1 :, i], factors[i, i + 1 :])
+    return table
 
 
 def _assemble_springs(model: Model, samples: tuple[int, ...]) -> Building:
@@ -1019,6 +1050,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         or building.elements > 0
         or building.branched
         or building.can_fracture
+        or building.inertial
     )
     # The last column of the table of the laws counts as a linear law.
     result = Variant(

@@ -19,7 +19,7 @@ from tdint.files import STDIN
 from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws.law import DriftLaw
 from tdint.model.parameters import changes_of, check_parameter, check_value
-from tdint.model.story import Path, Story, spring_label, story_with_numbers
+from tdint.model.story import Path, Story, is_linear, spring_label, story_with_numbers
 from tdint.model.story_laws import LAWS, of_samples
 from tdint.number_parsing import parse_ratio, pluralize
 from tdint.units import SI, OutputUnits, parse_in_units
@@ -523,6 +523,11 @@ class Model:
     def has_inertance(self) -> bool:
         """True if a story, an attachment or a link has an inerter."""
         return any(spring.inertance for _, spring in self.springs)
+
+    @property
+    def has_linear_springs(self) -> bool:
+        """True if all springs of stories, attachments and links have linear laws and dampers."""
+        return all(is_linear(spring) for _, spring in self.springs)
 
     def end_name(self, end: int) -> str:
         """Return the name of an end of a link: ground, the number of a floor, or an attachment.

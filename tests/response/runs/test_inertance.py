@@ -153,28 +153,8 @@ def test_sets_of_runs_have_the_same_numbers_as_single_runs():
     assert np.array_equal(several.stories.peak_drift[1], single.stories.peak_drift)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {"law": {"type": "bilinear", "yield_force": 1e5, "hardening": 0.05}},
-            r"inertance is for linear models, but stories\[1\] has a law",
-        ),
-        (
-            {"dashpot": {"coefficient": 1e4, "exponent": 0.5, "linear_below": 0.01}},
-            r"inertance is for linear models, but stories\[1\] has a law, elements or a damper",
-        ),
-    ],
-)
-def test_laws_with_inertance_are_refused(change, message):
-    model = copy.deepcopy(IN_STORY_2)
-    model["stories"][0] |= change
-    with pytest.raises(ModelError, match=message):
-        tdint.run(model, el_centro(duration=4.0), duration=4.0)
-
-
 def test_inerter_to_the_ground_is_a_mass_with_a_force():
-    """The equivalent model that the message names, which also nonlinear buildings can have."""
+    """An inerter to the ground is a mass of the floor with a force."""
     time = 0.01 * np.arange(101)
     motion = Record(3.0 * np.sin(9.0 * time), 0.01, "", "", "", "motion")
     story = {"mass": 9e4, "height": 3.0, "stiffness": 9e6, "dashpot": 8e4}

@@ -60,14 +60,18 @@ from tdint.kernels.equations.tridiagonal import (
 )
 from tdint.kernels.linear_terms import (
     above,
+    add_inertance,
     add_modal_force,
     base_of,
+    distribute,
     floor_impulse,
     floor_load,
+    has_inerters,
     is_tree,
     power_damper,
     story_value,
     tie,
+    upper_of,
 )
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
@@ -324,6 +328,8 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         impulse_above = link * impulse
     # Modal damping is not included in `mass_times_a1`. Its force -C v0 adds be h^2 C v0 to r1.
     add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.COMPLEX, n)
+    add_inertance(linear_terms, state, rows.VELOCITY, h, scratch, ROW.COMPLEX)
+    add_inertance(linear_terms, state, rows.ACCELERATION, by_a0, scratch, ROW.COMPLEX)
     return is_stale
 
 
@@ -380,6 +386,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         force_above = link * force
     if FULL and modal.shape[0] > 0:
         _add_modal_acceleration(linear_terms, modal, scratch, n)
+    distribute(linear_terms, scratch, momentum.A1)
     tie(linear_terms, scratch, momentum.A1)
 
 
@@ -780,6 +787,8 @@ def keep_negligible_kinks(scene, h, memory):
     n = linear_terms.shape[1] - 1
     # Q and S of this step
     mismatch = acceleration_norm = 0.0
+    if FULL and has_inerters(linear_terms):
+        _distribute_mismatch(linear_terms, scratch, n)
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
         dashpot_force = scratch[ROW.DASHPOT_MISMATCH, i] - above(
@@ -790,6 +799,8 @@ def keep_negligible_kinks(scene, h, memory):
             - scratch[momentum.DV, i] / h
             + linear_terms[rows.INVERSE_MASS, i] * dashpot_force
         )
+        if FULL and has_inerters(linear_terms):
+            difference = 0.5 * (a0 + a1) - scratch[momentum.DV, i] / h + scratch[ROW.COMPLEX, i]
         mismatch += linear_terms[rows.MASS, i] * difference * difference
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
@@ -803,6 +814,37 @@ def keep_negligible_kinks(scene, h, memory):
         may_remain = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
         if not (may_remain and scratch[ROW.KINK, i] * acceleration_norm <= _MAX_KINK * mismatch):
             scratch[ROW.KINK, i] = 0.0
+
+
+@outlined
+def _distribute_mismatch(linear_terms, scratch, n):
+    """Store the accelerations by DASHPOT_MISMATCH in row COMPLEX, in a building with inerters."""
+    for i in range(n):
+        scratch[ROW.COMPLEX, i] = scratch[ROW.DASHPOT_MISMATCH, i]
+        scratch[ROW.COMPLEX, i] -= above(linear_terms, scratch, ROW.DASHPOT_MISMATCH, i)
+    distribute(linear_terms, scratch, ROW.COMPLEX)
+
+
+@inline
+def accelerate(linear_terms, table, row, story, force, scratch):
+    """Change the accelerations in a row of `table` by a decrease of the force of a story by
+    `force`: that of its upper floor increases, that of its lower floor decreases."""
+    upper, base = upper_of(linear_terms, story), base_of(linear_terms, story)
+    by_upper = force * linear_terms[rows.INVERSE_MASS, upper]
+    by_base = linear_terms[rows.LINK, story] * force * linear_terms[rows.INVERSE_MASS, base]
+    if FULL and has_inerters(linear_terms):
+        n = linear_terms.shape[1] - 1
+        for i in range(n):
+            scratch[ROW.COMPLEX, i] = 0.0
+        scratch[ROW.COMPLEX, upper] += by_upper
+        scratch[ROW.COMPLEX, base] -= by_base
+        distribute(linear_terms, scratch, ROW.COMPLEX)
+        for i in range(n):
+            table[row, i] += scratch[ROW.COMPLEX, i]
+    else:
+        table[row, upper] += by_upper
+        if story > 0:
+            table[row, base] -= by_base
 
 
 @outlined

@@ -14,10 +14,18 @@ the story impulses S, and the matrix of Newton's method.
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline
+from tdint.kernels.compiling import FULL, inline
 from tdint.kernels.equations.iteration import ROUNDING, is_balanced
 from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
-from tdint.kernels.linear_terms import above, add_modal_force, size_above, tie
+from tdint.kernels.linear_terms import (
+    above,
+    add_inertance,
+    add_modal_force,
+    distribute,
+    has_inerters,
+    size_above,
+    tie,
+)
 
 # Scratch rows: load (N) and its impulse (N s), increments of displacement (m) and velocity (m/s),
 # response at the end of the step, and the following rows.
@@ -83,6 +91,8 @@ def residuals(kinematics, scene, h, memory):
         )
     add_modal_force(modal, scratch, V1, -1.0, scratch, A1, n)
     add_modal_force(modal, scratch, DU, -1.0, scratch, R2, n)
+    add_inertance(linear_terms, scratch, DV, -1.0, scratch, R2)
+    distribute(linear_terms, scratch, A1)
     for i in range(n):
         scratch[A1, i] *= linear_terms[rows.INVERSE_MASS, i]
         # Terms of the kinematic equation, m
@@ -91,6 +101,11 @@ def residuals(kinematics, scene, h, memory):
         scratch[R1, i] = linear_terms[rows.MASS, i] * (
             velocity_terms + acceleration_terms - scratch[DU, i]
         )
+    add_inertance(linear_terms, state, rows.VELOCITY, h * (1.0 - theta), scratch, R1)
+    add_inertance(linear_terms, scratch, V1, h * theta, scratch, R1)
+    add_inertance(linear_terms, state, rows.ACCELERATION, h * h * alpha, scratch, R1)
+    add_inertance(linear_terms, scratch, A1, -h * h * beta, scratch, R1)
+    add_inertance(linear_terms, scratch, DU, -1.0, scratch, R1)
     tie(linear_terms, scratch, A1)
 
 
@@ -120,6 +135,8 @@ def has_converged(is_last, tolerance, kinematics, scene, h, memory):
     is_small = True
     for i in range(n):
         mass = linear_terms[rows.MASS, i]
+        if FULL and has_inerters(linear_terms):
+            mass += linear_terms[rows.STORY_INERTANCE, i] + linear_terms[rows.FLOOR_INERTANCE, i]
         rounding = scratch[SIZE, i] + size_above(linear_terms, scratch, SIZE, i)
         # Sum of the terms: first of the kinematic equation (m, without the factor mass), then of
         # the momentum equation (N s)

@@ -32,6 +32,7 @@ from tdint.kernels.equations.iteration import (
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
 from tdint.kernels.linear_terms import (
     above,
+    add_inertance,
     add_modal_force,
     base_of,
     below,
@@ -422,6 +423,7 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
     for i in range(n):
         scratch[ROW.RESIDUAL, i] = linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.V, i]
     add_modal_force(modal, scratch, ROW.V, 1.0, scratch, ROW.RESIDUAL, n)
+    add_inertance(linear_terms, scratch, ROW.A, 1.0, scratch, ROW.RESIDUAL)
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(n):

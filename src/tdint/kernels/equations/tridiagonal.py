@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import FULL, inline, outlined
-from tdint.kernels.linear_terms import count_masses, is_tree, tie
+from tdint.kernels.linear_terms import count_masses, has_inerters, is_tree, tie
 from tdint.kernels.stepping import Array
 
 COUPLING_ROWS = 8
@@ -338,9 +338,11 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
             by_k * (law_state[row, i] + linear_terms[rows.GEOMETRIC, i])
             + by_c * linear_terms[rows.STORY_DAMPER, i]
         )
-        scratch[diagonal, i] = (
-            by_m * linear_terms[rows.MASS, i] + by_c * linear_terms[rows.FLOOR_DAMPER, i] + story
-        )
+        floor = by_m * linear_terms[rows.MASS, i] + by_c * linear_terms[rows.FLOOR_DAMPER, i]
+        if FULL and has_inerters(linear_terms):
+            story += by_m * linear_terms[rows.STORY_INERTANCE, i]
+            floor += by_m * linear_terms[rows.FLOOR_INERTANCE, i]
+        scratch[diagonal, i] = floor + story
         scratch[coupling, i] = -linear_terms[rows.LINK, i] * story
     # Add the story above to the diagonal entry of each floor; its coupling is the negative value.
     if FULL and is_tree(linear_terms):
@@ -415,6 +417,11 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     scratch, blocks, coupling, _, _ = factors  # `blocks` is the number of row `pivot`.
     for i in range(n):
         mass = linear_terms[rows.MASS, i]
+        if FULL and has_inerters(linear_terms):
+            mass += linear_terms[rows.FLOOR_INERTANCE, i]
+            scratch[coupling, i] += linear_terms[rows.STORY_INERTANCE, i]
+            scratch[coupling + 1, i] -= by_v * linear_terms[rows.STORY_INERTANCE, i]
+            scratch[coupling + 3, i] += linear_terms[rows.STORY_INERTANCE, i]
         floor = linear_terms[rows.FLOOR_DAMPER, i]
         scratch[blocks, i] = mass + scratch[coupling, i]
         scratch[blocks + 1, i] = scratch[coupling + 1, i] - by_v * mass - by_a * floor
@@ -895,6 +902,9 @@ def _factor_tree_pairs(linear_terms, law_state, root, factors, n):
         damper = linear_terms[rows.STORY_DAMPER, i]
         story_re = re * damper + square_re * spring
         story_im = im * damper + square_im * spring
+        if FULL and has_inerters(linear_terms):
+            story_re += linear_terms[rows.STORY_INERTANCE, i]
+            scratch[pivot, i] += linear_terms[rows.FLOOR_INERTANCE, i]
         floor, entry = int(linear_terms[rows.UPPER_FLOOR, i]), int(linear_terms[rows.ENTRY, i])
         scratch[pivot, floor] += story_re
         scratch[pivot + 1, floor] += story_im

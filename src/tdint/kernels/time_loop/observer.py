@@ -31,12 +31,17 @@ from tdint.kernels.linear_terms import (
     add_modal_force,
     base_of,
     below,
+    distribute,
     force_rate,
     force_value,
     has_dashpot,
+    has_inerters,
+    inerter_force,
+    internal_forces,
     is_tree,
     observed_power_damper,
     power_damper,
+    story_value,
     tie,
     upper_of,
 )
@@ -109,6 +114,9 @@ def observe(scene, span, slope, memory, seen):
     # within the step; with these, all steps are searched. Harmonic forces precede tables.
     has_forces = FULL and forces.shape[0] > 0
     may_exceed = has_forces and forces[0, rows.POINTS] == 0.0
+    if FULL and has_inerters(linear_terms):
+        _store_accelerations(scene, ground, memory, seen)
+        may_exceed = True  # there is no bound of the forces of inerters
     # Sums over all floors and stories (`_update_energies`)
     momentum = 0.0
     total_inertia = 0.0
@@ -174,6 +182,8 @@ def observe(scene, span, slope, memory, seen):
         floor_force = observer_state[rows.FLOOR_FORCE, i] - floor_damping
         floor_force = floor_force - story_force + story_force_above
         a = linear_terms[rows.INVERSE_MASS, i] * floor_force - ground
+        if FULL and has_inerters(linear_terms):
+            a = observer_state[rows.OBSERVED_ACCELERATION, i]
         if FULL and upper_of(linear_terms, i) != i:
             a = 0.0  # the floor at the end of the link accelerates, not its column
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
@@ -320,6 +330,33 @@ def _story_ends(linear_terms, memory, observer_state, i):
     """Return the motion of story `i` at both endpoints of the step."""
     passage = observed_passage(memory.state, observer_state)
     return ends_of_story(False, linear_terms, passage, memory.law_state, i)
+
+
+@outlined
+def _store_accelerations(scene, ground, memory, seen):
+    """Store the accelerations relative to the ground in a building with inerters, from the forces
+    on floors (FLOOR_FORCE), the internal forces and the load by the ground motion, and raise the
+    peak forces of the inerters.
+
+    Rows LOCATED of the observer are free until the peaks in the step are searched.
+    """
+    linear_terms, modal, _, _, _ = scene
+    observer_state = seen.observer_state
+    velocity, internal = rows.LOCATED + rows.LOCATED_VELOCITY, rows.LOCATED + rows.LOCATED_INTERNAL
+    n = linear_terms.shape[1] - 1
+    for i in range(n):
+        observer_state[velocity, i] = memory.state[rows.VELOCITY, i]
+    sums = rows.LOCATED + rows.LOCATED_SUM
+    law_state = memory.law_state
+    internal_forces(linear_terms, modal, law_state, 0, observer_state, velocity, internal, sums)
+    for i in range(n):
+        force = observer_state[rows.FLOOR_FORCE, i] + observer_state[rows.MODAL_FORCE, i]
+        force -= observer_state[internal, i] + linear_terms[rows.MASS, i] * ground
+        observer_state[rows.OBSERVED_ACCELERATION, i] = force
+    distribute(linear_terms, observer_state, rows.OBSERVED_ACCELERATION)
+    for i in range(n):
+        force = inerter_force(linear_terms, observer_state, rows.OBSERVED_ACCELERATION, i)
+        raise_peak(seen.peaks, rows.PEAK_INERTER_FORCE, i, force)
 
 
 @outlined
@@ -626,6 +663,8 @@ def observe_within_step(update_located_peaks, may_exceed, scene, span, memory, s
         located = Located(observer_state, rows.LOCATED, peaks, 0)
         # The laws are evaluated only at reversals and instants that may cause a new peak.
         if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
+            if FULL and has_inerters(scene.linear_terms):
+                observer_state[rows.LOCATED + rows.LOCATED_DEVICE, n] = span.ground_0
             previous = step_start(scene.flags, span.on_path and span.cornered)
             fast = 1 if span.fast else 0
             call_update_located_peaks(
@@ -918,6 +957,10 @@ def sum_law_energies(scene, memory, seen):
         kinetic += (
             0.5 * linear_terms[rows.MASS, i] * state[rows.VELOCITY, i] * state[rows.VELOCITY, i]
         )
+        if FULL and has_inerters(linear_terms):
+            v, rate = state[rows.VELOCITY, i], story_value(linear_terms, state, rows.VELOCITY, i)
+            kinetic += 0.5 * linear_terms[rows.FLOOR_INERTANCE, i] * v * v
+            kinetic += 0.5 * linear_terms[rows.STORY_INERTANCE, i] * rate * rate
         strain += (
             strain_energy(law_parameters, law_state, i)
             + 0.5 * linear_terms[rows.GEOMETRIC, i] * drift * drift

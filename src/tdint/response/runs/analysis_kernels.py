@@ -69,7 +69,7 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator]) -
     """
     building = prepared.building
     # Models of matrices need no kernels.
-    if building.system is not None or unsupported_reason(methods[0], building):
+    if building.uses_matrices or unsupported_reason(methods[0], building):
         return False
     loop_kernels = dict.fromkeys(
         item for method in methods for item in kernels(method, prepared.variant)

@@ -126,7 +126,18 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 
     Some methods do not support nonlinear stories, power-law dashpots or braces of dampers.
     """
-    if building.system is not None and len(building.system.inerters):
+    if building.inertial:
+        if not integrator.family.inertance:
+            return (
+                f"{integrator.label} does not support inertance with a law that is not linear; use "
+                f"one of {_methods(lambda other: other.family.inertance)}"
+            )
+        if building.has_damper_state:
+            return (
+                "inertance is not supported together with braces of dampers, Rayleigh damping with "
+                "the tangent stiffness, or `restitution` of the law hertz; omit one of them"
+            )
+    elif building.system is not None and len(building.system.inerters):
         if integrator.method.name != EXACT and step_coefficients(integrator) is None:
             others = _methods(lambda other: step_coefficients(other) is not None)
             return f"{integrator.label} does not support inertance; use one of {EXACT}, {others}"
@@ -135,7 +146,7 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
             f"{integrator.label} does not support models of matrices and flexural stories; use "
             f"{EXACT}"
         )
-    if building.system is not None:
+    if building.uses_matrices:
         ratio = float(building.modes().own_damping(building.damping_matrix()).max())
         if ratio > _MAX_DAMPING_RATIO:
             return (

@@ -261,7 +261,7 @@ def default_reference_method(case: Case) -> Integrator:
     This method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
     forces on floors. The errors of `exact` are then the errors of the peaks between time steps.
     """
-    is_own_reference = case.building.system is not None or (
+    is_own_reference = case.building.uses_matrices or (
         case.method.label == EXACT and not case.model.excitation.forces
     )
     return parse(EXACT) if is_own_reference else REFERENCE

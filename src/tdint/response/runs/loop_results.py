@@ -55,10 +55,12 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
         attachments=tuple(item.name for item in building.attachments),
         links=tuple(item.name for item in building.links),
     )
-    if building.system is not None:
-        forces = space.observer_state[INERTER_FORCE, building.device_columns]
-        return replace(result, inerter_force=forces.copy())
-    return result
+    if building.system is None:
+        return result
+    forces = space.observer_state[INERTER_FORCE]
+    if building.inertial:
+        forces = space.peaks[rows.PEAK_INERTER_FORCE]
+    return replace(result, inerter_force=forces[building.device_columns].copy())
 
 
 def named_devices(building: Building, peaks: StoryPeaks, results: Array) -> DevicePeaks:
@@ -124,7 +126,10 @@ def residual_oscillation(
         inverse[:] = displacement / velocity if velocity > 0.0 else 0.0
         attached = np.arange(building.floors, building.masses)
         attached = attached[initial_stiffness[attached] > 0.0]
-        inverse[attached] = np.sqrt(building.mass[attached] / initial_stiffness[attached])
+        mass = building.mass
+        if building.inertial and building.system is not None:
+            mass = np.diagonal(building.system.mass)
+        inverse[attached] = np.sqrt(mass[attached] / initial_stiffness[attached])
     softening = np.sqrt(initial_stiffness / present_stiffness)
     return np.asarray(np.hypot(distance, rate * inverse * softening))
 

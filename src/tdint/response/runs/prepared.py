@@ -298,7 +298,7 @@ def _may_grow(building: Building, space: Workspace) -> bool:
     totals, peaks = space.totals, space.peaks
     if totals[rows.COLLAPSE_STEP] != rows.NO_COLLAPSE:
         return False
-    if building.system is not None:
+    if building.uses_matrices:
         needed = 0.5 * building.initial_stiffness * peaks[rows.PEAK_DRIFT] ** 2
         stored = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_STRAIN]
         return bool(stored > needed.min(initial=math.inf, where=needed > 0.0))
@@ -450,7 +450,7 @@ class PreparedBuilding:
         AnalysisError
             A law of a plug-in contradicts its declaration.
         """
-        if self.building.system is not None:
+        if self.building.uses_matrices:
             return  # models of matrices need no kernels
         _verify_laws(self.building.law_parameters)
         load_or_compile(
@@ -759,7 +759,7 @@ class PreparedBuilding:
         the state of the arrays in `space` at the time of its call, and changes them.
         """
         building, before = self.building, self.completed
-        if building.system is not None:
+        if building.uses_matrices:
             # Imported here, because few models have matrices.
             from tdint.methods.linear_step import step_coefficients
             from tdint.response.runs.linear_loop import LinearLoop
@@ -767,6 +767,11 @@ class PreparedBuilding:
             coefficients = step_coefficients(integrator)
             linear = LinearLoop(building, self.loads, h, ground, space, coefficients)
             return lambda steps, first, last: linear(steps, before + first, before + last)
+        if building.inertial and self.points.size:
+            raise AnalysisError(
+                "a model with inertance and a law that is not linear has no forces from tables, "
+                "pulses or files; use harmonic forces, or linear laws with the method exact"
+            )
         fixed = (
             space.steps_per_row,
             space.rows_before,
@@ -802,6 +807,11 @@ class PreparedBuilding:
             """Integrate the steps from `first` to `last` - 1 of `steps`."""
             nonlocal function, call
             use_compiled_kernels()
+            if building.inertial and steps.stride > 1:
+                raise AnalysisError(
+                    "a model with inertance needs a time step of at most the sampling interval, "
+                    f"{h / steps.stride:.6g} s; use a shorter time step"
+                )
             if integrate.variant(self.variant) is not function:  # compiled in the meantime
                 function, call = bound()
             code: int = call(
@@ -818,7 +828,7 @@ class PreparedBuilding:
         code of the failed step.
         """
         size = max(_FIRST_CALL_SIZE // (self.building.stories * (1 + len(self.building.modal))), 1)
-        if self.building.system is not None:
+        if self.building.uses_matrices:
             size = steps.count  # the loop in Python can be interrupted at any time
         # The number of steps of the first call is a guess. The number of steps of each following
         # call is adapted to the measured speed, and is at most doubled.

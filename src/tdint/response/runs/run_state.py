@@ -180,7 +180,7 @@ def restart(space: Workspace, building: Building) -> None:
     law_state[rows.PEAK_FORCE] = 0.0
     observed[rows.DASHPOT_WORK] = 0.0
     space.peaks[:] = 0.0
-    if building.system is not None:  # its loop includes the state in the peaks
+    if building.uses_matrices:  # its loop includes the state in the peaks
         observed[MOMENT : TOTAL_BASE_MOMENT + 1] = 0.0
         return
     acceleration = observed[rows.OBSERVED_ACCELERATION] + observed[rows.ACCELERATION_DEVIATION]
@@ -195,6 +195,9 @@ def restart(space: Workspace, building: Building) -> None:
         space.peaks[row] = np.abs(values[:n])
     if building.damped_by_devices:
         space.peaks[rows.PEAK_DRIFT_RATE] = np.abs(building.drifts(space.state[rows.VELOCITY]))
+    if building.inertial and building.system is not None:
+        forces = building.system.inerters @ observed[rows.OBSERVED_ACCELERATION, : building.masses]
+        space.peaks[rows.PEAK_INERTER_FORCE] = np.abs(forces)
     if building.elements:
         law_state[rows.PEAK_FORCE, n + 1 :] = np.abs(law_state[rows.FORCE, n + 1 :])
     if building.has_damper_state:
