@@ -8,6 +8,7 @@ import pytest
 import tdint
 from el_centro import el_centro
 from tdint.errors import AnalysisError
+from tdint.ground_motion.record import Record
 
 UNITS = {"length": "m", "force": "N", "mass": "kg"}
 YIELD_FORCES, STIFFNESSES, MASSES = (5e5, 4e5, 3e5), (6e7, 5e7, 4e7), (1e5, 1e5, 9e4)
@@ -177,7 +178,7 @@ def test_negligible_inerters_change_nothing(method):
     bare = copy.deepcopy(BRANCHED)
     del bare["links"][0], bare["attachments"][0]
     bare["damping"] = {"modal": {"ratio": 0.05}}
-    bare["stories"][0]["law"]["fracture_drift"] = 0.02
+    bare["stories"][1]["law"]["fracture_drift"] = 0.01
     for part in (bare["stories"][1], bare["attachments"][0], bare["links"][0]):
         del part["inertance"]
     with_inerters = copy.deepcopy(bare)
@@ -195,6 +196,7 @@ def test_negligible_inerters_change_nothing(method):
         )
         for model in (with_inerters, bare)
     )
+    assert other.stories.peak_drift[1] > 0.01
     for name in ("displacement", "velocity", "absolute_acceleration", "total_shear", "shear"):
         values, expected = getattr(own.history, name), getattr(other.history, name)
         np.testing.assert_allclose(values, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
@@ -204,6 +206,23 @@ def test_negligible_inerters_change_nothing(method):
     for name in ("peak_drift", "peak_shear"):
         values, expected = getattr(own.devices.stories, name), getattr(other.devices.stories, name)
         assert values == pytest.approx(expected, rel=1e-8)
+
+
+def test_curved_laws_have_the_same_results_with_other_methods():
+    curved = {"type": "bouc-wen", "yield_force": 4e5, "hardening": 0.05, "exponent": 2, "beta": 0.5}
+    model = copy.deepcopy(BRANCHED)
+    for story in model["stories"]:
+        story["law"] = curved
+    del model["attachments"][1]["law"], model["links"][1]["law"]
+    first, other = (
+        tdint.run(
+            model, el_centro(duration=4.0), method=method, dt=0.005, duration=4.0, check=False
+        )
+        for method in ("impulse4", "gauss4")
+    )
+    assert other.stories.peak_drift == pytest.approx(first.stories.peak_drift, rel=1e-4)
+    assert other.devices.inerter_force == pytest.approx(first.devices.inerter_force, rel=1e-4)
+    assert max(abs(first.energy.error), abs(other.energy.error)) < 1e-6
 
 
 def test_history_has_the_peak_total_shear():
@@ -225,6 +244,22 @@ def test_sets_of_runs_and_steps_have_the_numbers_of_a_run():
     for value in motion.acceleration[1:]:
         stepper.step(value)
     assert np.array_equal(stepper.state.displacement, single.history.displacement[-1])
+
+
+def test_continued_run_starts_with_the_force_of_the_inerter():
+    model = {key: value for key, value in BRANCHED.items() if key != "excitation"}
+    first = tdint.run(
+        model, el_centro(duration=3.0), dt=0.02, duration=3.0, check=False, history=True
+    )
+    history = first.history
+    relative = history.devices.absolute_acceleration[-1, 0] - history.ground_acceleration[-1]
+    at_start = 2e4 * abs(relative)
+    ground = Record(np.full(3, history.ground_acceleration[-1]), 0.02, "", "", "", "motion")
+    second = tdint.run(
+        model, ground, initial=first.final_state, dt=0.02, duration=0.02, check=False
+    )
+    assert second.devices.inerter_force[0] == pytest.approx(at_start, rel=1e-12)
+    assert second.devices.inerter_force[0] < 0.9 * first.devices.inerter_force[0]
 
 
 OTHERS = (
