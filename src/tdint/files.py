@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -167,6 +168,18 @@ def read_whole(
     if len(data) > most:
         raise error(f"{source}: {too_large_text}")
     return data
+
+
+@cache
+def declared_rows(module: str) -> tuple[dict[str, str], ...]:
+    """Return the rows of the CSV file of a module, which declares facts such as keys or columns.
+
+    `module` is the path of the module (`__file__`), or that of the file if it has another name.
+    """
+    import csv  # not needed by `tdint --version`
+
+    with Path(module).with_suffix(".csv").open(encoding="utf-8", newline="") as stream:
+        return tuple(csv.DictReader(stream))
 
 
 def _read(file: BinaryIO, most: int) -> bytes:

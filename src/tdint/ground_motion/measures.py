@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.arrays import Array, bisect_interval, max_absolute
+from tdint.files import declared_rows
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
@@ -709,60 +710,27 @@ class Measure:
         return "" if self.power else f"{subject} does not change with a factor"
 
 
+_FUNCTIONS: dict[str, Callable[[Record], float]] = {
+    "pga": lambda record: record.pga,
+    "pgv": lambda record: _peak(record, 0, "pgv"),
+    "pgd": lambda record: _peak(record, 1, "pgd"),
+    "arias": arias_intensity,
+    "cav": cumulative_absolute_velocity,
+    "cav5": lambda record: cumulative_absolute_velocity_above(record, CAV5),
+    "d5-75": partial(significant_duration, fraction=0.75),
+    "d5-95": partial(significant_duration, fraction=0.95),
+}
 MEASURES = {
-    measure.name: measure
-    for measure in (
-        Measure(
-            "pga", "m/s^2", "peak ground acceleration", lambda record: record.pga, symbol="PGA"
-        ),
-        Measure(
-            "pgv",
-            "m/s",
-            "peak ground velocity",
-            lambda record: _peak(record, 0, "pgv"),
-            symbol="PGV",
-        ),
-        Measure(
-            "pgd",
-            "m",
-            "peak ground displacement",
-            lambda record: _peak(record, 1, "pgd"),
-            symbol="PGD",
-        ),
-        Measure(
-            "arias",
-            "m/s",
-            "Arias intensity",
-            arias_intensity,
-            2.0,
-            "arias_intensity",
-            "Arias intensity",
-        ),
-        Measure(
-            "cav",
-            "m/s",
-            "cumulative absolute velocity",
-            cumulative_absolute_velocity,
-            symbol="CAV",
-        ),
-        Measure(
-            "cav5",
-            "m/s",
-            "cumulative absolute velocity of accelerations of at least 0.05 m/s^2",
-            lambda record: cumulative_absolute_velocity_above(record, CAV5),
-            None,
-        ),
-        *(
-            Measure(
-                f"d5-{percent}",
-                "s",
-                f"time between 5 and {percent} % of the Arias intensity",
-                partial(significant_duration, fraction=percent / 100.0),
-                0.0,
-            )
-            for percent in (75, 95)
-        ),
+    row["name"]: Measure(
+        row["name"],
+        row["unit"],
+        row["meaning"],
+        _FUNCTIONS[row["name"]],
+        float(row["power"]) if row["power"] else None,
+        row["column"],
+        row["symbol"],
     )
+    for row in declared_rows(__file__)
 }
 """Intensity measures of ground motions by name: the measures of tdint, then the measures of
 plug-ins (`tdint.load_plugin`)."""

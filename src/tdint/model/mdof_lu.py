@@ -8,17 +8,17 @@ Guan and Ye (Earthquake Spectra 30, 2014) and SimCenter use for shear buildings.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.files import declared_rows
 from tdint.model.damping import rayleigh
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
 from tdint.model.modes import solve_modes
@@ -155,13 +155,12 @@ def hazus_types() -> Mapping[tuple[str, str], SimpleNamespace]:
     slight_drift_ratio, moderate_drift_ratio, extensive_drift_ratio, complete_drift_ratio : float
         Median drift ratios of the damage states.
     """
-    text = (files("tdint.model") / "hazus_types.csv").read_text(encoding="utf-8")
     keys = ("design_level", "type")
     rows = (
         SimpleNamespace(
             **{name: cell if name in keys else float(cell) for name, cell in row.items()}
         )
-        for row in csv.DictReader(text.splitlines())
+        for row in declared_rows(str(Path(__file__).with_name("hazus_types.csv")))
     )
     return {(row.design_level, row.type): row for row in rows}
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tdint.files import declared_rows
 from tdint.ground_motion.record import Input, Record
 from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
@@ -35,70 +36,7 @@ if TYPE_CHECKING:
     from tdint.response.spectra.elastic import FirstMode
 
 
-_KEYS = {
-    "time_s": "last time reached",
-    "story": "story of the failure or collapse; 1 is the first story",
-    "residual": "residual of the equilibrium equations divided by the story forces",
-    "largest_stable_dt_s": "largest stable time step",
-    "dt_s": "time step; for a record the sampling interval",
-    "steps": "number of time steps",
-    "duration_s": "integrated time; for a record the time from its first to its last sample",
-    "iterations": "number of solutions of the equations",
-    "halved_steps": "number of time steps divided because the iteration did not converge",
-    "branch_changes": "number of branch changes of hysteretic laws that were located in time",
-    "wall_time_s": "wall time of the command",
-    "time_loop_s": "processor time of the compiled time loop; wall time if the processor clock "
-    "has a coarse resolution (time_loop_clock)",
-    "stories": "number of stories",
-    "t1_s": "fundamental period of the initial stiffness, P-delta included",
-    "t1_damping": "viscous damping ratio of the first mode, without power-law dashpots and braced "
-    "dampers",
-    "sa_t1_m_s2": "pseudo-acceleration of the ground motion at t1_s",
-    "sa_t1_damping": "viscous damping ratio of sa_t1_m_s2",
-    "ratios": "viscous damping ratios of the modes",
-    "modes": "mode numbers of the ratios, from 1",
-    "mass_1_s": "Rayleigh coefficient of the mass matrix",
-    "stiffness_s": "Rayleigh coefficient of the initial stiffness matrix",
-    "initial_J": "kinetic and strain energy at the start, relative to the ground",
-    "error": "energy balance error divided by the maximum input energy",
-    "time_steps_s": "time step of the run for the error estimate; with a tolerance, time steps of "
-    "the two runs",
-    "drift_error": "maximum over the stories of the estimated error of the peak drift over the "
-    "peak drift",
-    "drift_error_story": "story of drift_error",
-    "factor": "scale factor of the seed of a motion that tdint wrote",
-    "change": "root mean square of the change by matching over that of the scaled seed",
-    "largest_misfit": "maximum misfit of a matched spectrum to its target, over the target",
-    "mean_misfit": "mean misfit of a matched spectrum to its target, over the target",
-    "tolerance": "requested upper limit of drift_error",
-    "runs_for_the_step": "number of runs to choose the time step for the tolerance",
-    "samples_in_the_step": "chosen time step divided by the sampling interval of the record",
-    "solves_at_record_step": "number of solutions of the equations with the sampling interval of "
-    "the record as time step, if such a run was made",
-    "residual_oscillation_m": "approximate amplitude of the residual oscillation of a drift at "
-    "the end",
-    "residual_oscillation_story": "story of residual_oscillation_m",
-    "time_at_rest_s": "time at which free vibration had decayed, if the run continued until then",
-    "start_s": "time of the first sample of an event in the sequence",
-    "collapse_drift": "drift ratio above which a run counts as collapsed",
-    "samples": "number of samples of the record",
-    "pga_m_s2": "peak ground acceleration",
-    "scale": "scale factor of the recorded acceleration",
-    "probability": "probability of an outcome: no damage, a damage state, or collapse",
-    "loss_ratio": "mean loss ratio",
-    "version": "version of this file's layout",
-}
-"""Meaning of the number of each key. The suffix of the key is the suffix of its unit."""
-
-_UNITS = ("m/s^2", "s", "m", "J")
-
-
-def _unit_of(key: str) -> str:
-    """Return the unit of the number of a key of `_KEYS` from its suffix."""
-    return next((unit for unit in _UNITS if key.endswith(suffix(unit))), "1")
-
-
-MEANINGS = {key: (_unit_of(key), meaning) for key, meaning in _KEYS.items()}
+MEANINGS = {row["key"]: (row["unit"], row["meaning"]) for row in declared_rows(__file__)}
 MEANINGS |= {column.name: (column.unit, column.meaning) for column in LOAD_COLUMNS}
 MEANINGS |= {
     f"{name}_J": ("J", f"{meaning}, at the end or the last time reached")

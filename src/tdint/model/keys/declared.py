@@ -7,10 +7,7 @@ message if it is missing.
 
 from __future__ import annotations
 
-import csv
-from functools import cache
-from pathlib import Path
-
+from tdint.files import declared_rows
 from tdint.model.keys import fields
 
 _TYPES: dict[str, fields.ValueType] = {
@@ -40,7 +37,7 @@ class KeyFile:
     """
 
     def __init__(self, module: str) -> None:
-        self._file = Path(module).with_suffix(".csv")
+        self._module = module
 
     def __call__(self, section: str, /, **types: fields.ValueType) -> tuple[fields.Key, ...]:
         """Return the keys of a section in their order.
@@ -60,13 +57,6 @@ class KeyFile:
                 row["needed"] == "yes",
                 row["advice"],
             )
-            for row in _rows(self._file)
+            for row in declared_rows(self._module)
             if row["section"] == section
         )
-
-
-@cache
-def _rows(file: Path) -> list[dict[str, str]]:
-    """Return the rows of a file of keys."""
-    with file.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))

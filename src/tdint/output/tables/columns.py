@@ -6,12 +6,11 @@ attribute of the result with its cells (empty: the name), and meaning for users.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
+from tdint.files import declared_rows
 from tdint.output.tables.table import Column
 
 
@@ -25,7 +24,7 @@ class ColumnFile:
     """
 
     def __init__(self, module: str) -> None:
-        self._file = Path(module).with_suffix(".csv")
+        self._module = module
 
     def __call__(self, table: str, /, **values: Callable[[Any], Any]) -> tuple[Column, ...]:
         """Return the columns of a table in their order.
@@ -40,18 +39,17 @@ class ColumnFile:
         """
         return tuple(
             column._replace(value=values.get(column.name, column.value))
-            for column in _tables(self._file)[table]
+            for column in _tables(self._module)[table]
         )
 
 
 @cache
-def _tables(file: Path) -> dict[str, list[Column]]:
-    """Return the columns of all tables in a file by the key of the table."""
+def _tables(module: str) -> dict[str, list[Column]]:
+    """Return the columns of all tables of a module by the key of the table."""
     tables: dict[str, list[Column]] = {}
-    with file.open(encoding="utf-8", newline="") as stream:
-        for row in csv.DictReader(stream):
-            column = Column(row["name"], row["unit"], row["value"] or row["name"], row["meaning"])
-            tables.setdefault(row["table"], []).append(column)
+    for row in declared_rows(module):
+        column = Column(row["name"], row["unit"], row["value"] or row["name"], row["meaning"])
+        tables.setdefault(row["table"], []).append(column)
     return tables
 
 

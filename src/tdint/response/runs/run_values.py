@@ -1,11 +1,13 @@
 """Values of runs, for `Runs.to_dict`, runs.csv and the store of a campaign."""
 
+from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.files import declared_rows
 from tdint.response.runs.demands import DECLARED, Demands, Largest, demands_of_runs
 from tdint.response.runs.outcome import StoryErrors, StoryPeaks
 from tdint.units import Quantity
@@ -13,80 +15,27 @@ from tdint.units import Quantity
 HIDDEN: tuple[str, ...] = ()
 """Value of `shown` for a quantity that only the store contains."""
 
-RUN = (
-    Quantity("s", "time step, after repetitions with finer ones", name="dt"),
-    Quantity("text", "how the run ended", name="status", value_type=str),
-    Quantity("s", "time of the collapse", name="collapse_time"),
-    Quantity("1", "story that collapsed first", name="collapse_story", value_type=int),
-    Quantity(
-        *("1", "largest peak drift over story height", attrgetter("drift_ratio.value")),
-        name="peak_drift_ratio",
-    ),
-    Quantity(
-        "1",
-        "story that has it; without heights that of the largest drift",
-        lambda largest: np.where(
-            largest.drift_ratio.location > 0, largest.drift_ratio.location, largest.drift.location
-        ),
-        name="peak_drift_story",
-        value_type=int,
-    ),
-    Quantity(
-        *("m", "largest peak drift of a story, without isolators", attrgetter("drift.value")),
-        name="peak_drift",
-    ),
-    Quantity(
-        "m",
-        "largest displacement of an isolator; empty without isolators",
-        attrgetter("isolator_displacement.value"),
-        name="peak_isolator_displacement",
-    ),
-    Quantity(
-        "1",
-        "largest drift over story height at the end of the run; empty after a collapse",
-        attrgetter("residual_drift_ratio.value"),
-        name="residual_drift_ratio",
-    ),
-    Quantity(
-        *("m/s^2", "largest absolute acceleration of a floor", attrgetter("acceleration.value")),
-        name="peak_absolute_acceleration",
-    ),
-    Quantity(
-        *("1", "floor that has it", attrgetter("acceleration.location")),
-        name="peak_acceleration_floor",
-        value_type=int,
-    ),
-    Quantity(
-        *("m", "largest displacement of the roof", attrgetter("roof_displacement.value")),
-        name="peak_roof_displacement",
-    ),
-    Quantity(
-        *("N", "largest restoring force of the first story", attrgetter("base_shear.value")),
-        name="peak_base_shear",
-    ),
-    Quantity("1", "imbalance over the largest input energy", name="energy_error"),
-    Quantity("1", "time steps", name="steps", value_type=int),
-    Quantity("m/s^2", "peak ground acceleration, scaled", name="pga"),
-    Quantity(
-        "m/s^2",
-        "pseudo-acceleration at the building's first period, 5 % damping, scaled",
-        name="sa_t1",
-    ),
-    Quantity(
-        "1",
-        "1 if the run came to rest, if this was requested",
-        shown=HIDDEN,
-        name="at_rest",
-        value_type=int,
-    ),
-    Quantity(
-        "1",
-        "number of repetitions with half the time step",
-        shown=HIDDEN,
-        name="repeats",
-        value_type=int,
-    ),
-)
+
+def _drift_story(largest: Any) -> Any:
+    """Return the story of the largest drift ratio, or without heights of the largest drift."""
+    ratio, drift = largest.drift_ratio.location, largest.drift.location
+    return np.where(ratio > 0, ratio, drift)
+
+
+def _quantity(row: dict[str, str]) -> Quantity:
+    """Return the quantity of a row of `run_values.csv`."""
+    value: Callable[..., Any] | None = attrgetter(row["demand"]) if row["demand"] else None
+    return Quantity(
+        row["unit"],
+        row["meaning"],
+        _drift_story if row["name"] == "peak_drift_story" else value,
+        shown=HIDDEN if row["hidden"] else Quantity.shown,
+        name=row["name"],
+        value_type={"float": float, "int": int, "str": str}[row["type"]],
+    )
+
+
+RUN = tuple(map(_quantity, declared_rows(__file__)))
 """Quantities of a run in the order of their columns, arrays of shape (runs,), SI units: results of
 many runs, the rows of a store and its tables. A `value` is computed from the `Demands` of the
 runs."""
