@@ -101,10 +101,10 @@ class _Worker:
 
     def outcome(self) -> tuple[Any, Exception | None] | None:
         """Wait for the call; return its result and its exception, or None if the process ended."""
-        try:
-            return self.pipe.recv()
-        except (EOFError, OSError):
-            return None
+        outcome: tuple[Any, Exception | None] | None = None
+        with suppress(EOFError, OSError):
+            outcome = self.pipe.recv()
+        return outcome
 
     def __enter__(self) -> _Worker:
         """Return the worker."""
