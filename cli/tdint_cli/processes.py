@@ -82,7 +82,7 @@ class _Worker:
         # Imported late, because a single record is read in this process.
         from multiprocessing import get_context
 
-        context = get_context(START_OF_PROCESSES)
+        context: Any = get_context(START_OF_PROCESSES)
         self.pipe, end_of_worker = context.Pipe()
         arguments = (end_of_worker, os.getpid())
         self._process = context.Process(target=_serve, args=arguments, daemon=True)

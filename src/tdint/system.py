@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from contextvars import copy_context
 from functools import cache
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Literal, TypeVar
+from typing import IO, Any, BinaryIO, TypeVar
 
 _SIGNAL_AT_PARENTS_DEATH = 1
 """Constant PR_SET_PDEATHSIG of the Linux function prctl."""
@@ -40,9 +40,7 @@ _QUERY_INFORMATION, _STILL_ACTIVE = 0x1000, 259
 """Constant PROCESS_QUERY_LIMITED_INFORMATION of the Windows function OpenProcess, and constant
 STILL_ACTIVE of the Windows function GetExitCodeProcess."""
 
-START_OF_PROCESSES: Literal["fork", "spawn"] = (
-    "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
-)
+START_OF_PROCESSES = "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
 """Start method of processes. Forked processes inherit the loaded kernels. On systems where forking
 is not safe, processes are spawned and load the kernels from the cache."""
 
