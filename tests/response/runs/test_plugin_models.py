@@ -77,6 +77,42 @@ def test_bouc_wen(name, interpreted):  # noqa: F811
     assert np.abs(solution.y[2] - (1.0 - a) * k * solution.y[0]).max() > 0.3 * strength
 
 
+@pytest.mark.slow
+def test_nine_stories_with_gamma_above_beta_and_compiled_loops():
+    """A reduced model of nine stories whose Bouc-Wen laws have a gamma above beta."""
+    tdint.load_plugin(RECIPES / "general_bouc_wen.py")
+    mass, dashpot, a, n, beta, gamma = 2e3, 1e4, 0.1, 1.4, 0.2, 0.8
+    k = np.linspace(4e6, 2e6, 9)
+    strength = np.linspace(2.5e4, 6e3, 9)
+    law = {"type": "general-bouc-wen", "hardening": a, "exponent": n, "beta": beta, "gamma": gamma}
+    stories = [
+        {"mass": mass, "stiffness": k_i, "dashpot": dashpot, "law": law | {"force": strength_i}}
+        for k_i, strength_i in zip(k.tolist(), strength.tolist(), strict=True)
+    ]
+    model = tdint.load_model({"stories": stories, "plausibility": "off, test"})
+
+    def rate(t, y):
+        u, v, z = y.reshape(3, 9)
+        drift, drift_rate = np.diff(u, prepend=0.0), np.diff(v, prepend=0.0)
+        shape = beta * np.sign(drift_rate * z) + gamma
+        change = (1.0 - a) * k * drift_rate * (1.0 - np.abs(z / strength) ** n * shape)
+        force = a * k * drift + z + dashpot * drift_rate
+        return np.concatenate([v, np.diff(force, append=0.0) / mass - ground(t), change])
+
+    solution = solve_ivp(
+        rate, (0.0, 3.0), np.zeros(27), rtol=1e-8, atol=1e-8, max_step=0.01, t_eval=TIME
+    )
+    drifts = np.diff(solution.y[:9], axis=0, prepend=0.0).T
+    peaks = np.abs(drifts).max(axis=0)
+    history = tdint.run(
+        model, RECORD, method="newmark-average", dt=0.000625, history=True, check=False
+    ).history
+    displacements = history.displacement[: 16 * TIME.size : 16][: TIME.size]
+    computed = np.diff(displacements, axis=1, prepend=0.0)
+    np.testing.assert_allclose(computed / peaks, drifts / peaks, rtol=0.0, atol=1e-3)
+    assert (np.abs(solution.y[18:]).max(axis=1) > 0.5 * strength).all()
+
+
 def test_self_centering_oscillator(interpreted):  # noqa: F811
     compare_self_centering_oscillator()
 
