@@ -2,7 +2,8 @@
 
 Files are written completely or not at all: under a temporary name in the same directory, and
 renamed after all files have been written. A journal in the directory lists the files that are
-renamed together: if the process is killed, the next command completes the renaming (`settle`).
+renamed together: if the process is killed, the next command completes the renaming (`settle`). The
+journal is signed with a key of the user: that of somebody else has no effect.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import errno
 import glob
 import json
+import logging
 import os
 import re
 import stat
@@ -23,7 +25,17 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from tdint.errors import OutputError, TdintError
-from tdint.system import hold_signals, is_running, locked, process_start, this_host
+from tdint.system import (
+    hold_signals,
+    is_running,
+    is_special,
+    locked,
+    process_start,
+    this_host,
+    user_key,
+)
+
+_log = logging.getLogger(__name__)
 
 # ---- Read an input, which is a file or standard input, up to a maximum size. Inputs that may never
 # end are refused.
@@ -280,8 +292,8 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     ------
     OutputError
         A file is an input of the command, exists already, is a directory, is in a read-only
-        directory, or is named twice. Missing directories are not errors, because `write_files`
-        creates them.
+        directory, is a symbolic link out of its directory, or is named twice. Missing directories
+        are not errors, because `write_files` creates them.
     """
     seen: set[str] = set()
     for file in files:
@@ -294,6 +306,12 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
             seen.add(real)
             settle(Path(real).parent)
             refuse_protected([file])
+            if file.is_symlink() and not Path(real).is_relative_to(os.path.realpath(file.parent)):
+                # The directory and its links may come from somebody else.
+                raise OutputError(
+                    f"{file}: this is a symbolic link out of its directory; remove it, or specify "
+                    f"{real}"
+                )
             folder = _nearest_folder(file)
             if not is_folder(folder):
                 raise OutputError(f"{file}: {folder} is a file, not a directory")
@@ -332,8 +350,8 @@ def write_files(
     signal before that, the directory is unchanged; a signal during the renaming is handled after
     it. If the process is killed during the renaming, the next command that reads or writes in the
     directory completes it (`settle`). The files that several new files replace are removed before
-    the first of these is renamed: new files are never next to earlier files. Symbolic links are
-    followed. Temporary files of killed processes are removed from the directories.
+    the first of these is renamed: new files are never next to earlier files. Symbolic links within
+    a directory are followed. Temporary files of killed processes are removed from the directories.
 
     `contents` is the content of each file, or a function that writes it to a binary stream. `stale`
     contains files of an earlier run that are not part of the new results, with their SHA-256; with
@@ -407,12 +425,13 @@ def _removable(stale: Mapping[Path, str], ready: Mapping[Path, Path]) -> list[Pa
 
 
 # ---- Journal of the files that are renamed together. The journal of a directory is also the lock
-# of the renaming in this directory. It only lists names in the same directory, because another user
-# may have copied the directory; a command that only reads from the directory uses it only if this
-# machine wrote it. If the files are in several directories, the journal of the first directory is
-# written last: it makes the other journals valid.
+# of the renaming in this directory. It lists names in the same directory, and is signed with a key
+# of the user: somebody else may have made the directory. If the files are in several directories,
+# the journal of the first directory is written last: it makes the other journals valid.
 
 _JOURNAL = ".tdint-journal"
+
+_MOST_BYTES_OF_JOURNAL = 2**24  # 16 MiB, more than a hundred thousand names
 
 
 class _Journal(NamedTuple):
@@ -420,8 +439,6 @@ class _Journal(NamedTuple):
 
     Attributes
     ----------
-    host : str
-        Machine that wrote the journal.
     identifier : str
         Common text of the journals that belong together.
     folders : list of str
@@ -435,7 +452,6 @@ class _Journal(NamedTuple):
         True if existing files are replaced.
     """
 
-    host: str
     identifier: str
     folders: list[str]
     renamed: dict[str, str]
@@ -454,7 +470,7 @@ def _rename_together(
     renaming."""
     if len(ready) == 1 and not removed:
         ((file, temporary),) = ready.items()
-        _move(temporary, file, overwrite)
+        _move(temporary, Path(os.path.realpath(file)), overwrite)
         return
     changes: dict[str, tuple[dict[str, str], list[str]]] = {}
     for file, temporary in ready.items():
@@ -468,17 +484,14 @@ def _rename_together(
     # other.
     folders, identifier = sorted(changes), os.urandom(8).hex()
     journals = {
-        Path(folder): _Journal(this_host(), identifier, folders, *changes[folder], overwrite)
+        Path(folder): _Journal(identifier, folders, *changes[folder], overwrite)
         for folder in folders
     }
     with ExitStack() as stack:
         for file in (folder / _JOURNAL for folder in journals):
             stack.enter_context(locked(file, on_wait=lambda: None))
-            if is_file(file) and file.stat().st_size:
-                raise OutputError(
-                    f"{file}: a command was killed while it renamed files here; repeat the "
-                    "command, or remove this file"
-                )
+            if is_there(file) and file.stat().st_size:
+                raise OutputError(_foreign_journal(file))
         try:
             for file in () if overwrite else ready:
                 if file.exists():
@@ -491,7 +504,8 @@ def _rename_together(
                 file = Path(folder) / _JOURNAL
                 with _as_output_error(file):
                     file.touch()
-                    _flush(file, json.dumps(journals[Path(folder)]).encode())
+                    text = json.dumps(journals[Path(folder)]).encode()
+                    _flush(file, _signature(text) + b"\n" + text)
         except BaseException:
             # No file has been renamed. Without the first journal, the other journals are not valid.
             for folder in folders:
@@ -553,45 +567,86 @@ def settle(folder: Path, *, is_read: bool = False) -> None:
     its journal if the journal is not complete.
 
     This has no effect while the command is running, or if the directory cannot be written. With
-    `is_read`, the command does not write to the directory.
+    `is_read`, the command does not write to the directory; a journal without a signature of this
+    user is then reported, and remains.
+
+    Raises
+    ------
+    OutputError
+        The command writes to the directory, and its journal has no signature of this user.
     """
 
     def refuse() -> None:
         """Raise an error, because the command of the journal is running."""
         raise BlockingIOError
 
-    if not is_file(folder / _JOURNAL):
+    if not os.path.lexists(folder / _JOURNAL):
         return
     folder = Path(os.path.realpath(folder))
     own = _read_journal(folder)
-    if is_read and own and own.host != this_host():
-        return
     # The directory of a single journal may have another name now.
     folders = [Path(name) for name in own.folders] if own and len(own.folders) > 1 else [folder]
     journals = {}
+    is_foreign = False
     with suppress(OSError, OutputError), ExitStack() as stack:
         for name in folders:
-            if is_file(name / _JOURNAL):
-                stack.enter_context(locked(name / _JOURNAL, on_wait=refuse))
-                journal = _read_journal(name)
-                if journal and own and journal.identifier == own.identifier:
-                    journals[name] = journal
+            stack.enter_context(locked(name / _JOURNAL, on_wait=refuse, create=False))
+            journal = _read_journal(name)
+            if journal and own and journal.identifier == own.identifier:
+                journals[name] = journal
         if folders[0] in journals:
             _carry_out(journals)
+        elif own or _is_empty(folder / _JOURNAL):
+            # The journal of a command that was killed before it renamed a file
+            if own or not is_read:
+                (folder / _JOURNAL).unlink(missing_ok=True)
         else:
-            (folder / _JOURNAL).unlink(missing_ok=True)
+            is_foreign = os.path.lexists(folder / _JOURNAL) and not _read_journal(folder)
+    if is_foreign and not is_read:
+        raise OutputError(_foreign_journal(folder / _JOURNAL))
+    if is_foreign:
+        _report_foreign_journal(folder / _JOURNAL)
+
+
+def _is_empty(file: Path) -> bool:
+    """Return True if a path is an empty file and not a link."""
+    return not file.is_symlink() and is_file(file) and not file.stat().st_size
+
+
+def _foreign_journal(file: Path) -> str:
+    """Return the message for a journal without a signature of this user."""
+    return (
+        f"{file}: this list of interrupted changes is not used, because it has no signature of "
+        "this user on this machine; delete it, then repeat the interrupted command with --overwrite"
+    )
+
+
+@cache
+def _report_foreign_journal(file: Path) -> None:
+    """Report a journal in a directory that is only read, once for all inputs in the directory."""
+    _log.warning("%s", _foreign_journal(file))
+
+
+def _signature(text: bytes) -> bytes:
+    """Return the signature of the text of a journal; empty if the user has no key."""
+    import hmac
+
+    key = user_key()
+    return hmac.digest(key, text, "sha256").hex().encode() if key else b""
 
 
 def _read_journal(folder: Path) -> _Journal | None:
-    """Return the journal of a directory; None if it is not complete, or lists names outside the
-    directory."""
+    """Return the journal of a directory; None if this user did not sign it."""
+    file = folder / _JOURNAL
     try:
-        journal = _Journal(*json.loads((folder / _JOURNAL).read_bytes()))
-        names = (*journal.renamed, *journal.renamed.values(), *journal.removed)
-        is_valid = journal.folders and all(Path(name).name == name for name in names)
-    except (OSError, ValueError, TypeError, AttributeError):
+        if file.is_symlink() or is_special(file):
+            return None
+        with file.open("rb") as stream:
+            signature, _, text = stream.read(_MOST_BYTES_OF_JOURNAL).partition(b"\n")
+    except OSError:
         return None
-    return journal if is_valid else None
+    is_signed = len(signature) > 0 and signature == _signature(text)
+    return _Journal(*json.loads(text)) if is_signed else None
 
 
 def digest_of(file: Path) -> str:
@@ -690,26 +745,25 @@ def _make_folders(folder: Path) -> list[Path]:
 
 
 def _move(temporary: Path, file: Path, overwrite: bool) -> None:
-    """Rename a temporary file to its final name; symbolic links of the final name are followed.
+    """Rename a temporary file to its final name. A symbolic link of this name is replaced.
 
     Raise OutputError if the file exists and `overwrite` is False. Another process may have created
     it after `check_outputs`.
     """
-    target = os.path.realpath(file)
     with _as_output_error(file):
         if not overwrite:
             # Creating a hard link fails if the target exists. Renaming would replace the target.
             try:
-                os.link(temporary, target)
+                os.link(temporary, file)
             except FileExistsError:
                 raise _exists(file) from None
             except OSError:  # the file system does not support hard links
-                if Path(target).exists():
+                if os.path.lexists(file):
                     raise _exists(file) from None
             else:
                 temporary.unlink()
                 return
-        temporary.replace(target)
+        temporary.replace(file)
 
 
 def _exists(file: Path) -> OutputError:

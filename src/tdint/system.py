@@ -7,6 +7,7 @@ parallel.
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import platform
@@ -221,6 +222,24 @@ def cache_subfolder(name: str) -> Path | None:
     except OSError:
         return None
     return folder if os.access(folder, os.W_OK) and _is_protected(home, folder) else None
+
+
+def user_key() -> bytes | None:
+    """Return the secret of this user, 32 random bytes in the cache, which are created at the first
+    call; None if there is no directory to which only this user can write."""
+    folder = cache_subfolder("keys")
+    if folder is None:
+        return None
+    file = folder / "journals"
+    try:
+        if not file.exists():
+            part = folder / f".{os.urandom(8).hex()}"
+            with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as new:
+                new.write(os.urandom(32))
+            part.replace(file)
+        return file.read_bytes()
+    except OSError:
+        return None
 
 
 def _make_private(folder: Path) -> None:
@@ -577,16 +596,33 @@ def is_special(name: str | Path) -> bool:
         return False
 
 
-def _open_to_lock(file: Path | None) -> BinaryIO | None:
-    """Open a file for locking, and create it if necessary; None if this is not possible."""
+def open_to_lock(file: Path, *, create: bool = True) -> BinaryIO:
+    """Open a file for locking, and create it if necessary. A symbolic link is not followed: it may
+    be in a directory from somebody else.
+
+    Raises
+    ------
+    OSError
+        The file is a symbolic link, or cannot be opened or created.
+    """
+    if file.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+    flags = os.O_APPEND | os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0) | (os.O_CREAT if create else 0)
+    return os.fdopen(os.open(file, flags, 0o666), "ab")
+
+
+def _open_if_possible(file: Path | None, create: bool) -> BinaryIO | None:
+    """Open a file for locking; None if this is not possible."""
     try:
-        return file.open("ab") if file and not is_special(file) else None
+        return open_to_lock(file, create=create) if file and not is_special(file) else None
     except OSError:
         return None
 
 
 @contextmanager
-def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
+def locked(
+    file: Path | None, on_wait: Callable[[], object], *, create: bool = True
+) -> Iterator[None]:
     """Lock a file during a `with` statement. The statement starts when the lock is available.
 
     The process with the lock may remove the file at the end of the statement: waiting processes
@@ -595,15 +631,15 @@ def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
     Parameters
     ----------
     file : Path | None
-        File, which is created if necessary. Without a file, or if the file cannot be created, the
-        statement starts without a lock.
+        File, which is created if necessary and with `create`. Without a file, or if the file cannot
+        be created or is a symbolic link, the statement starts without a lock.
     on_wait : callable
         Function that is called a single time if another process has locked the file.
     """
     is_reported = False
     # On a file system with unstable inode numbers, each attempt would fail.
     for _ in range(_MAX_REOPENED):
-        stream = _open_to_lock(file)
+        stream = _open_if_possible(file, create)
         if file is None or stream is None:
             break
         with stream:

@@ -4,6 +4,7 @@ command did not write is not replaced without --overwrite; no command waits for 
 import itertools
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -279,6 +280,108 @@ def test_files_of_a_command_are_replaced_together(
         patch.setattr(Path, "read_bytes", read_bytes)
         tdint(*arguments, "--overwrite", code=0)
     assert len(left) >= len(written) and set().union(*left) == set()
+
+
+HOSTILE = {
+    "journal": "no signature of this user",
+    "link to a file": "symbolic link|not a regular file|levels of symbolic links",
+    "link to no file": "symbolic link|not a regular file|levels of symbolic links",
+}
+"""Contents of a directory from somebody else, with the reason for which no command writes to it."""
+
+
+def states_of(folder: Path) -> dict[str, bytes]:
+    """Return the content of each file except locks, and the target of each symbolic link."""
+    return {
+        str(path.relative_to(folder)): os.fsencode(path.readlink())
+        if path.is_symlink()
+        else path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_symlink() or (path.is_file() and path.name != ".campaign.lock")
+    }
+
+
+def lay_traps(folder: Path, names: list[str], home: Path, kind: str) -> None:
+    """Write a journal that replaces a file of the user to a directory, or links of these names to
+    the directory `home`, which contains or does not contain the targets."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "notes.txt").write_bytes(b"mine")
+    if kind == "journal":
+        (folder / "n").write_bytes(b"theirs")
+        (folder / "x").symlink_to(home / "settings")
+        fields = ["far", "0", ["/x"], {"n": "x"}, ["notes.txt"], True]
+        (folder / ".tdint-journal").write_text(json.dumps(fields))
+    for name in names if "link" in kind else ():
+        (folder / name).symlink_to(home / ("settings" if kind == "link to a file" else name))
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+@pytest.mark.parametrize("name", WRITING)
+def test_a_directory_from_somebody_else_changes_no_other_file(
+    study: Path, tdint: Command, tmp_path_factory: pytest.TempPathFactory, name: str, kind: str
+) -> None:
+    """A journal in the directory of the outputs, or outputs and locks that are links: nothing is
+    written, even with --overwrite."""
+    home = tmp_path_factory.mktemp("home")
+    (home / "settings").write_bytes(b"mine")
+    if name == "merge":
+        tdint("campaign", "study.yaml", "-o", "part", code=0)
+    line, files = WRITING[name]
+    written = [study / file for file in files.split()]
+    for folder in {file.parent for file in written}:
+        lay_traps(folder, [file.name for file in written if file.parent == folder], home, kind)
+    before = states_of(study) | states_of(home)
+    for option in ([], ["--overwrite"]):
+        assert re.search(HOSTILE[kind], tdint(*arguments_of(line), *option, code=6).stderr) or (
+            kind == "link to a file" and not option  # the file exists
+        )
+        assert states_of(study) | states_of(home) == before
+
+
+@pytest.mark.parametrize("name", [".campaign.lock", "campaign.sqlite", "campaign.sqlite-wal"])
+def test_locks_and_stores_are_never_links(study: Path, tdint: Command, name: str) -> None:
+    for target in ("missing", "town.csv"):
+        (study / "out").mkdir(exist_ok=True)
+        (study / "out" / name).symlink_to(study / target)
+        before = states_of(study)
+        for option in ([], ["--overwrite"]):
+            tdint("campaign", "study.yaml", "-o", "out", *option, code=6)
+            assert states_of(study) == before
+        (study / "out" / name).unlink()
+
+
+LOOKING = [
+    "campaign status DIR",
+    "campaign status DIR/*",
+    "campaign export DIR",
+    "campaign merge DIR -o new",
+    "fragility DIR --threshold 1%",
+    "info DIR UNITS",
+    "spectrum DIR UNITS --period 1",
+    "run shaken.yaml DIR/motion.mseed UNITS --component HNE --no-check",
+    "check DIR/shaken.yaml",
+    "modes DIR/shaken.yaml",
+    "scale DIR UNITS --to pga=0.4g",
+]
+"""Calls that read a directory or a file in it."""
+
+
+@pytest.mark.parametrize("line", LOOKING)
+def test_a_directory_that_is_read_is_not_changed(study: Path, tdint: Command, line: str) -> None:
+    """Neither a journal nor a store in it changes a file; the journal is named."""
+    tdint("campaign", "study.yaml", "-o", "DIR", code=0)
+    for name in ("shaken.yaml", "motion.mseed"):
+        shutil.copy(study / name, study / "DIR" / name)
+    home = study / "home"
+    home.mkdir()
+    (home / "settings").write_bytes(b"mine")
+    lay_traps(study / "DIR", [], home, "journal")
+    before = states_of(study)
+    result = tdint(*arguments_of(line))
+    assert "no signature of this user" in result.stderr, result.output
+    after = states_of(study)
+    assert {file: after.get(file) for file in before} == before
+    assert {file.split("/")[0] for file in after.keys() - before.keys()} <= {"new"}
 
 
 READING = {

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import errno
 import gc
+import hmac
+import json
 import os
 import re
 import shutil
@@ -19,6 +21,8 @@ from matplotlib.figure import Figure
 from fuzz.sandbox import invoked
 from legible import write_texts
 from selection import every
+from tdint import system
+from tdint.errors import OutputError
 from tdint.files import check_outputs, reason_of, settle, write_files
 from tdint.studies.store.result_store import FILE
 
@@ -180,21 +184,83 @@ def test_a_kill_at_each_renaming_leaves_a_whole_result(inputs: None, name: str) 
     assert stop > 3 and seen == {"old", "new"}
 
 
-def test_the_journal_of_somebody_else_changes_nothing_that_is_read(tmp_path: Path) -> None:
-    """A journal of another machine is used only by a command that writes to the directory, and
-    never for names outside it."""
-    (tmp_path / "in").mkdir()
-    kept, outside = tmp_path / "in" / "kept.csv", tmp_path / "outside.csv"
-    for file in (kept, outside):
-        file.write_bytes(b"mine")
-    journal = tmp_path / "in" / ".tdint-journal"
-    text = '["{host}", "0", ["{folder}"], {{}}, ["{name}"], true]'
-    journal.write_text(text.format(host="far", folder=tmp_path / "in", name="kept.csv"))
-    settle(tmp_path / "in", is_read=True)
-    assert kept.exists() and journal.exists()
-    journal.write_text(text.format(host="far", folder=tmp_path / "in", name="../outside.csv"))
-    settle(tmp_path / "in")
-    assert kept.exists() and outside.exists() and not journal.exists()
+def _foreign_journals(folder: Path, names: list[str]) -> dict[str, bytes | Path]:
+    """Return journals in a directory that this user did not sign, by what is wrong with them. A
+    path is the target of a symbolic link."""
+    fields = ["0", [str(folder)], {"n": "x"}, names, True]
+    text = json.dumps(fields).encode()
+    host = json.dumps(["far", *fields]).encode()  # the form before signatures
+    forged = hmac.digest(b"another key", text, "sha256").hex().encode()
+    return {
+        "form of version 0.1": host,
+        "no signature": b"\n" + text,
+        "no text": b"\n",
+        "key of somebody else": forged + b"\n" + text,
+        "not a journal": b"my notes",
+        "link to a file": folder.parent / "outside.csv",
+        "link to no file": folder.parent / "missing.csv",
+    }
+
+
+@pytest.mark.parametrize("kind", _foreign_journals(Path("in"), []))
+def test_a_journal_without_the_signature_of_the_user_has_no_effect(
+    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Commands that read report it, commands that write are refused, and it remains."""
+    folder, outside = tmp_path / "in", tmp_path / "outside.csv"
+    folder.mkdir()
+    outside.write_bytes(b"mine")
+    (folder / "kept.csv").write_bytes(b"mine")
+    (folder / "n").write_bytes(b"theirs")
+    (folder / "x").symlink_to(outside)
+    journal, content = folder / ".tdint-journal", _foreign_journals(folder, ["kept.csv"])[kind]
+    if isinstance(content, Path):
+        journal.symlink_to(content)
+    else:
+        journal.write_bytes(content)
+    before = {path.relative_to(tmp_path): digest(path) for path in tmp_path.rglob("*")}
+    for _ in range(2):
+        settle(folder, is_read=True)
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    for files in ([folder / "a.csv"], [folder / "a.csv", folder / "b.csv"]):
+        with pytest.raises(OutputError, match=r"no signature of this user.*delete it.*--overwrite"):
+            write_files(dict.fromkeys(files, b"new"), overwrite=True)
+    assert {path.relative_to(tmp_path): digest(path) for path in tmp_path.rglob("*")} == before
+
+
+def digest(path: Path) -> bytes:
+    """Return the content of a file, or the target of a symbolic link."""
+    if path.is_symlink():
+        return os.fsencode(path.readlink())
+    return path.read_bytes() if path.is_file() else b""
+
+
+@pytest.mark.parametrize("home", ["same", "other", ""])
+def test_only_the_key_that_signed_a_journal_completes_the_renaming(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, home: str
+) -> None:
+    """A command was killed with the key of the cache `same`. On another machine the user has
+    another cache, or none."""
+    folder = tmp_path / "out"
+
+    def fail(*_: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(system, "cache_home", lambda: tmp_path / "same")
+    assert system.user_key() == system.user_key() != b""
+    with monkeypatch.context() as patch, pytest.raises(OutputError, match="Input/output error"):
+        patch.setattr(Path, "replace", fail)
+        write_files({folder / "a.csv": b"new", folder / "b.csv": b"new"}, overwrite=True)
+    monkeypatch.setattr(system, "cache_home", lambda: tmp_path / home if home else None)
+    if home == "same":
+        settle(folder)
+        assert sorted(file.name for file in folder.iterdir()) == ["a.csv", "b.csv"]
+        return
+    with pytest.raises(OutputError, match="no signature of this user"):
+        settle(folder)
+    (folder / ".tdint-journal").unlink()
+    write_files({folder / "a.csv": b"again", folder / "b.csv": b"again"}, overwrite=True)
+    assert (folder / "b.csv").read_bytes() == b"again"
 
 
 def test_a_failed_renaming_is_completed_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

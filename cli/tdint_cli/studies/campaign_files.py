@@ -307,7 +307,8 @@ def is_complete(store: Store) -> bool:
 
 
 def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bool) -> None:
-    """Refuse existing tables in a directory without a campaign, because another command wrote them.
+    """Refuse existing tables in a directory without a campaign, because another command wrote them,
+    and tables that cannot be written.
 
     Parameters
     ----------
@@ -317,11 +318,13 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     Raises
     ------
     OutputError
-        A table exists and must not be replaced.
+        A table exists and must not be replaced, or cannot be written.
     """
+    # A tuple multiplied by False is empty.
+    names = (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY)
+    check_outputs([folder / name for name in names], overwrite=True)
     if not is_there(folder / FILE) and not overwrite:
-        # A tuple multiplied by False is empty.
-        for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
+        for name in names:
             if is_there(folder / name):
                 raise foreign_file_error(folder / name)
 
@@ -564,7 +567,9 @@ def _write(
     contents_of_paths = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
         store.refuse_foreign(contents_of_paths)
-    stale = {folder / name: "" for name in _WRITTEN_FILES}
+    # Without --overwrite, a file that was not written from this store is kept.
+    earlier_files = (folder / name for name in _WRITTEN_FILES)
+    stale = {file: "" for file in earlier_files if request.overwrite or store.is_ours(file)}
     write_from_store(store, contents_of_paths, folder / FILE, stale)
 
 

@@ -133,7 +133,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     OutputError
         The store cannot be used or trusted.
     """
-    settle(folder)
+    settle(folder, is_read=not write)
     if not is_there(folder / FILE):
         raise UsageError(
             f"{folder}: no campaign in this directory ({FILE} not found); specify the directory "

@@ -32,7 +32,7 @@ from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
 from tdint.output.tables.table import TEXT, Column, names
 from tdint.response.runs.run_values import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.studies.campaign.chunks import Place, RunRow
-from tdint.system import file_system, is_special, lock_failure
+from tdint.system import file_system, is_special, lock_failure, open_to_lock
 from tdint.system import locked as locked_file
 from tdint.units import Quantity
 
@@ -129,15 +129,16 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
         The path is not a file, cannot be read, or another program keeps it locked.
     """
     name = str(file)
-    _refuse_special_files(name)
+    _refuse_special_files(name, is_read=True)
     # SQLite also follows links, and keeps the log next to the linked file.
     target = Path(os.path.realpath(file))
     if is_there(target) and not os.access(target, os.R_OK):
         raise OutputError(f"{name}: no permission to read the file")
     # A connection that may write removes the log when it is closed, and completes or reverses the
     # last transaction of a killed process. In other cases the file is copied, also without locks,
-    # because `_read_copy` notices changes.
-    if os.access(target, os.W_OK) and os.access(target.parent, os.W_OK):
+    # because `_read_copy` notices changes. The target of a link is only read.
+    is_writable = os.access(target, os.W_OK) and os.access(target.parent, os.W_OK)
+    if is_writable and not file.is_symlink():
         try:
             return _begin_reading(target, name)
         except (sqlite3.OperationalError, OutputError):
@@ -218,22 +219,24 @@ _END_OF_LINKED_JOURNAL = bytes.fromhex("d9d505f920a163d7")
 """Last bytes of a journal that names another journal, for transactions in several files."""
 
 
-def _refuse_special_files(name: str) -> None:
+def _refuse_special_files(name: str, *, is_read: bool = False) -> None:
     """Raise OutputError if a path is not a regular file, or has a journal that tdint did not write.
 
     Opening a named pipe, for example, would block. tdint changes one file in a transaction; from a
-    journal of several files, SQLite would delete a file of any name.
+    journal of several files, SQLite would delete a file of any name. SQLite would write through
+    symbolic links; only a store that is read (`is_read`) may be one.
     """
     if name == ":memory:":
         return
-    if is_special(name):
+    if is_special(name) or (Path(name).is_symlink() and not is_read):
         raise OutputError(
             f"{name}: this path is not a regular file; remove it, or specify another directory "
             "with -o"
         )
-    journal = Path(os.path.realpath(name) + "-journal")
-    if is_special(journal):
-        raise OutputError(f"{journal}: this path is not a regular file; remove it")
+    for suffix in ("-wal", "-shm", "-journal"):
+        journal = Path(os.path.realpath(name) + suffix)
+        if is_special(journal) or journal.is_symlink():
+            raise OutputError(f"{journal}: this path is not a regular file; remove it")
     with suppress(OSError), journal.open("rb") as stream:  # usually there is no journal
         length = len(_END_OF_LINKED_JOURNAL)
         stream.seek(-min(length, journal.stat().st_size), os.SEEK_END)
@@ -372,7 +375,7 @@ def locked(folder: Path) -> Iterator[None]:
     file = folder / LOCK
     _refuse_special_files(str(file))
     try:
-        file.open("ab").close()
+        open_to_lock(file).close()
     except OSError as error:
         raise OutputError(
             f"{folder}: cannot write to the directory: {reason_of(error, file)}"
