@@ -17,19 +17,24 @@ characters are about ten lines on a terminal.
 """
 
 _CONTROL = re.compile(
-    "[\\x00-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028\\u2029\\u202a-\\u202e"
-    "\\u2066-\\u2069\\ud800-\\udc7f\\udd00-\\udfff]"
+    "[\\x00-\\x1f\\x7f-\\x9f\\xad\\u061c\\u115f\\u1160\\u17b4\\u17b5\\u180b-\\u180f\\u200b"
+    "\\u200e\\u200f\\u2028-\\u202e\\u2060-\\u206f\\u3164\\ufe00-\\ufe0f\\ufeff\\uffa0\\ufff0-\\ufffb"
+    "\\ud800-\\udc7f\\udd00-\\udfff\\U0001bca0-\\U0001bca3\\U0001d173-\\U0001d17a"
+    "\\U000e0000-\\U000e0fff]"
 )
-"""Characters that terminals execute, or that break lines or change the direction of the text and
-could hide a part, and unpaired surrogates. Surrogates U+DC80 to U+DCFF, which represent bytes
-that Python could not decode, are not included."""
+"""Characters that terminals execute, that break lines or change the direction of the text, or that
+are invisible (Default_Ignorable_Code_Point of Unicode 16 except the joiners U+200C and U+200D,
+which words of Persian and Hindi need) and could hide a part, and unpaired surrogates. Surrogates
+U+DC80 to U+DCFF, which represent bytes that Python could not decode, are not included."""
 
 
 def write_out_controls(text: str, *, keep: str = "") -> str:
     """Return a text from a file for any output, with its control characters written out as escape
     sequences such as \\x1b, except the characters in `keep`."""
-    # `repr` adds quotation marks, which are removed.
-    return _CONTROL.sub(lambda match: match[0] if match[0] in keep else repr(match[0])[1:-1], text)
+    return _CONTROL.sub(
+        lambda match: match[0] if match[0] in keep else match[0].encode("unicode_escape").decode(),
+        text,
+    )
 
 
 class TdintError(Exception):

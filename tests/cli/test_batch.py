@@ -199,21 +199,45 @@ def test_a_killed_process_loses_only_its_own_record():
         assert states(str(failure), "dies: ... process ... ended unexpectedly")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="forked processes inherit the changed method")
-def test_a_process_that_ends_in_the_middle_of_a_result_loses_only_its_own_record(monkeypatch):
-    """The other process keeps its end of a shared pipe open, so that this pipe would not end."""
-    send_all, first = Connection._send, os.getpid()
+@pytest.fixture
+def cut(monkeypatch):
+    """End each process in the middle of a result that contains the text of the list."""
+    send_all, first, texts = Connection._send, os.getpid(), []
 
     def send(connection, content):
-        if os.getpid() != first and b"cutcut" in content:
+        if os.getpid() != first and any(text in content for text in texts):
             os.write(connection.fileno(), content[: len(content) // 2])
             os._exit(9)
         send_all(connection, content)
 
     monkeypatch.setattr(Connection, "_send", send)
+    return texts
+
+
+FORKED = pytest.mark.skipif(
+    sys.platform != "linux", reason="forked processes inherit the changed method"
+)
+
+
+@FORKED
+def test_a_process_that_ends_in_the_middle_of_a_result_loses_only_its_own_record(cut):
+    """The other process keeps its end of a shared pipe open, so that this pipe would not end."""
+    cut.append(b"cutcut")
     found = run_batch(["a", "cut", "b", "c"], 2)
     assert [item[0] for item in (found[0], *found[2:])] == ["aa", "bb", "cc"]
     assert states(str(found[1]), "cut: ... process ... ended unexpectedly")
+
+
+@FORKED
+def test_spectrum_ends_if_a_process_ends_in_the_middle_of_a_result(cut, tdint, tmp_path):
+    names = [f"{letter}.csv" for letter in "abcd"]
+    for name in names:
+        (tmp_path / name).write_text("# dt = 0.01 s, units = m/s^2\n" + "0.1\n-0.2\n" * 20)
+    cut.append(b"b.csv")
+    files = [str(tmp_path / name) for name in names]
+    result = tdint("spectrum", "--period", "1", *files, "--jobs", "2", code=5)
+    assert states(result.stderr, "b.csv: ... process ... ended unexpectedly")
+    assert [name in result.stdout for name in names] == [True, False, True, True]
 
 
 def test_an_unexpected_exception_in_a_process_is_raised():

@@ -85,7 +85,21 @@ def test_cache_directories_are_private_for_any_umask(tmp_path, monkeypatch):
     assert modes == ["0o700"] * 3
 
 
-@pytest.mark.parametrize("character", ["\u202e", "\u2066", "\u200f", "\x1b", "\x85", "\n"])
+@pytest.mark.parametrize(
+    "character",
+    [
+        "\u202e",
+        "\u2066",
+        "\u200f",
+        "\x1b",
+        "\x85",
+        "\n",
+        "\u200b",
+        "\ufeff",
+        "\ufe0f",
+        "\U000e0041",
+    ],
+)
 def test_control_characters_are_written_out(character):
     text = write_out_controls(f"a{character}b")
     assert text == f"a{character!a}b".replace("'", "") and text.isascii()

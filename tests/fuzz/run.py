@@ -11,14 +11,16 @@ Each case has a name and a seed. A failure is printed with both, so that `--of K
 
 import argparse
 import logging
-import multiprocessing
 import os
 import resource
 import signal
 import sys
 import warnings
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
+from functools import partial
+from multiprocessing.connection import wait
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -26,7 +28,7 @@ from fuzz.corpus import corpus
 from fuzz.kinds import KINDS
 from fuzz.oracle import LONGEST, OUTCOMES, Failure, outcome, read
 from fuzz.sandbox import sandbox
-from tdint.system import die_with_parent
+from tdint_cli.processes import _Worker
 
 FAILED = "FAILED"
 _BATCH = 250
@@ -74,24 +76,24 @@ def all_outcomes(
     """Return the counts of outcomes by name and a line for every failure."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
     failures: list[str] = []
-    # Workers end with this process, because a batch can take minutes and commands catch SIGTERM. A
-    # pool that forks from a process with threads, to replace one of its workers, may block forever.
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(jobs, die_with_parent, (os.getpid(),), maxtasksperchild=20) as pool:
-        waiting = [
-            (batch, pool.apply_async(run_batch, (input_type, batch)))
-            for batch in batches(names, count, seed)
-        ]
-        for batch, result in waiting:
-            try:
-                found = result.get(timeout=_BATCH * 4.0)
-            except Exception as error:  # A process that crashed does not return.
-                label = f"{batch[0]} to {batch[-1]}"
-                failures.append(f"{label}: {type(error).__name__} {error}")
+    waiting = deque(batches(names, count, seed))
+    running: dict[Any, tuple[_Worker, list[Case]]] = {}
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            # Each batch has its own process, which is lost without stopping the others.
+            batch, process = waiting.popleft(), _Worker()
+            process.begin(partial(run_batch, input_type), batch)
+            running[process.pipe] = process, batch
+        for pipe in wait(list(running), timeout=_BATCH * 4.0) or [next(iter(running))]:
+            process, batch = running.pop(pipe)
+            with process:
+                found, error = (pipe.poll() and process.outcome()) or (None, "the process ended")
+            if found is None:
+                failures.append(f"{batch[0]} to {batch[-1]}: {error!r}")
                 table[batch[0][0]][FAILED] += 1
                 continue
-            for name, number, outcome, reason in found:
-                table[name][outcome] += 1
+            for name, number, meaning, reason in found:
+                table[name][meaning] += 1
                 if reason:
                     failures.append(f"{name}: seed {number}: {reason}")
                     print(failures[-1][:300], file=sys.stderr, flush=True)

@@ -27,6 +27,8 @@ from tdint.assessment.failures.failures import problems
 from tdint.assessment.order import order as order_module
 from tdint.assessment.order.order import check_law, check_method
 from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion import measures
+from tdint.ground_motion.record import Record
 from tdint.kernels import build
 from tdint.kernels.building.compilable import ANY, FULL, Variant
 from tdint.kernels.building.process import Compilation
@@ -774,3 +776,27 @@ def test_plugin_is_executed_in_python_before_first_compiled_run(
         else:
             compiled_steps.validate_plugin_step(integrator)
     assert len(looked) == (times if fault else 1)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("raise ValueError('no strong motion')", r":\d+: ValueError: no strong motion"),
+        ("return None", r": measure own: the value must be a finite number.*got None for r"),
+        ("return np.zeros(3)", r": measure own: .* got array\(\[0., 0., 0.\]\)"),
+        ("return 1j", r": measure own: .* got 1j"),
+        ("return float('inf')", r": measure own: .* got inf"),
+    ],
+)
+def test_fault_of_a_measure_is_one_line_with_its_file(tmp_path, monkeypatch, body, message):
+    monkeypatch.setattr(measures, "MEASURES", dict(measures.MEASURES))
+    file = tmp_path / f"measure_{len(body)}.py"
+    file.write_text(
+        "import numpy as np\nfrom tdint.plugin import Measure\n\n"
+        f"def value(record):\n    {body}\n\n"
+        "MEASURES = (Measure('own', 's', 'own measure', value, power=None),)\n"
+    )
+    for _ in range(2):  # a file that is loaded again is not registered again
+        methods.load_plugin(file)
+    with pytest.raises(UsageError, match=rf"^\S+{file.name}{message}"):
+        measures.MEASURES["own"].of(Record(np.ones(3), 0.01, "r", "", "", "r"))

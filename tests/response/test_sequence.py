@@ -141,3 +141,13 @@ def test_a_record_without_a_component_adds_no_name_to_the_sequence():
     named = Record(np.ones(5), 0.01, "", "", "HNE", "a.mseed")
     joined = join_records([named, replace(named, component="", source="b.txt")], [0, 10])
     assert (joined.component, joined.source) == ("HNE", "a.mseed + b.txt")
+
+
+def test_a_rest_with_too_many_samples_is_refused_before_memory_is_allocated():
+    """The limit of `pad` holds for the rest between events too; it is counted in samples."""
+    with pytest.raises(
+        UsageError, match=r"rest: .* at most 50000000 samples, got 2e\+08 \(2e\+06 s"
+    ):
+        JoinedRecord.of([MAIN, AFTER], 2e6)
+    with pytest.raises(UsageError, match="rest: "):
+        run_sequence(case(), [MAIN, AFTER], rest=2e6)

@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from tdint.errors import UsageError
+from tdint.ground_motion.processing_steps import MOST_SAMPLES
 from tdint.ground_motion.record import Record
 
 _INTERVAL_TOLERANCE = 1e-9
@@ -61,11 +62,16 @@ def rest_intervals(rest: float, dt: float) -> int:
     Raises
     ------
     UsageError
-        The duration is negative or not finite.
+        The duration is negative, not finite, or has more than `MOST_SAMPLES` samples.
     """
     if not (math.isfinite(rest) and rest >= 0.0):
         raise UsageError(
             f"the rest between events must be a non-negative number of seconds, got {rest!r}"
+        )
+    if rest / dt > MOST_SAMPLES:
+        raise UsageError(
+            f"rest: the pause between events must have at most {MOST_SAMPLES} samples, got "
+            f"{rest / dt:.4g} ({rest:g} s with a sampling interval of {dt:g} s); reduce rest"
         )
     # The tolerance prevents an additional interval if rest / dt is an integer except for rounding.
     return max(1, math.ceil(rest / dt * (1.0 - _INTERVAL_TOLERANCE)))

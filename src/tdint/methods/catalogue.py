@@ -6,10 +6,13 @@ A new family requires one file, one line in this module and its entries in `publ
 from __future__ import annotations
 
 import copyreg
+import math
 import os
 from collections.abc import Callable, Iterable
-from functools import cache
+from dataclasses import replace
+from functools import cache, wraps
 from importlib import import_module
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -36,6 +39,7 @@ from tdint.model.story_laws import LAWS, register_law
 from tdint.tabular import ResultList
 
 if TYPE_CHECKING:
+    from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
 
 FAMILIES = (
@@ -254,9 +258,11 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
             from tdint.ground_motion.measures import MEASURES, Measure
 
             for measure in declared(module, "MEASURES", Measure, file):
-                if MEASURES.get(measure.name) is not measure:
+                known = MEASURES.get(measure.name)
+                if known is None or getattr(known.value, "__wrapped__", None) is not measure.value:
                     check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
-                    MEASURES[measure.name] = measure
+                    checked = _checked_value(measure.value, measure.name, file)
+                    MEASURES[measure.name] = replace(measure, value=checked)
     # Laws and methods of a file that was loaded before are not registered again. A registered law
     # is a changed copy of the object of the file (`register_law`) with the same attribute
     # `functions`.
@@ -267,6 +273,26 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
         if _known().get(method.name) is not method:
             register_method(method, Origin(file, module.__name__))
     return methods, laws
+
+
+def _checked_value(
+    value: Callable[[Record], float], name: str, file: str
+) -> Callable[[Record], float]:
+    """Return the function of the measure `name` of a plug-in, which raises UsageError with file and
+    line instead of any other exception, or if the result is not a number or infinite."""
+
+    @wraps(value)
+    def checked(record: Record) -> float:
+        with faults_of(file):
+            result = value(record)
+            if not isinstance(result, Real) or math.isinf(result):
+                raise UsageError(
+                    f"{file}: measure {name}: the value must be a finite number, or nan if it is "
+                    f"undefined, got {result!r:.80} for {record.name}"
+                )
+            return float(result)
+
+    return checked
 
 
 def parse(text: str) -> Integrator:

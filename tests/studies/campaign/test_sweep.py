@@ -299,6 +299,8 @@ def test_distributions_agree_with_scipy(distribution: Distribution, expected: An
     [
         ("lognormal", (0.0, 0.3), "lognormal: median must be positive"),
         ("lognormal", (1.0, 0.0), "lognormal: beta must be positive"),
+        ("lognormal", (1.0, 2e5), "lognormal: median 1 and beta 200000 give values that exceed"),
+        ("normal", (1.0, 1e308), r"normal: mean 1 and sd 1e\+308 give values that exceed"),
         ("normal", (0.0, 0.0), "normal: sd must be positive"),
         ("uniform", (1.0, 1.0), "uniform: low must be less than high"),
     ],

@@ -43,6 +43,11 @@ DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
 """Distributions of random parameters, and the names of their two parameters."""
 
 
+_MOST_SCORE = 39.0
+"""Limit of the normal quantiles of double precision: a draw is nearer to the median, in standard
+deviations."""
+
+
 @dataclass(frozen=True)
 class Distribution:
     """Distribution of a random parameter: `name` is a key of `DISTRIBUTIONS`; `first` and `second`
@@ -65,6 +70,13 @@ class Distribution:
             raise UsageError(f"{self.name}: {second_name} must be positive, got {self.second:g}")
         if self.name == "lognormal" and not self.first > 0.0:
             raise UsageError(f"lognormal: {first_name} must be positive, got {self.first:g}")
+        with np.errstate(over="ignore"):
+            most = self.at_scores(np.array(_MOST_SCORE))
+        if not np.isfinite(most):
+            raise UsageError(
+                f"{self.name}: {first_name} {self.first:g} and {second_name} {self.second:g} give "
+                "values that exceed the range of numbers"
+            )
 
     def at(self, probability: Array) -> Array:
         """Return the quantiles of the distribution at probabilities from 0 to 1, as an array of the

@@ -18,7 +18,7 @@ from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageE
 from tdint.files import MOST_BYTES, read_at_most, record_digest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
-from tdint.ground_motion.joined import JoinedRecord
+from tdint.ground_motion.joined import JoinedRecord, rest_intervals
 from tdint.ground_motion.reading import suites
 from tdint.ground_motion.record import Record
 from tdint.model.capacity import read_classes
@@ -523,7 +523,8 @@ def _sequence(
     """Yield the ground motions of a sequence: one joined record for each component that the records
     of all its events have. Notes of the reader for the user are added to `notes` as keys.
 
-    RecordError is raised if a record cannot be used, or the records have different components.
+    RecordError is raised if a record cannot be used, or the records have different components,
+    ModelError if the rest is too long.
     """
     components_by_event: list[list[Record]] = []
     for file, choice, factor in events:
@@ -543,6 +544,10 @@ def _sequence(
             "record in the column component"
         )
     for records in zip(*components_by_event, strict=True):
+        try:
+            rest_intervals(rest or 0.0, min(record.dt for record in records))
+        except UsageError as error:  # `rest` of the campaign file, not a record
+            raise ModelError(f"sequence {name}: {error}") from None
         joined = JoinedRecord.of(records, rest)
         yield suites.SuiteMotion(joined, name, joined.component, joined.events[0])
 
