@@ -258,8 +258,8 @@ def method_page(name: str) -> str:
         f"    tdint stability --method {name},{REFERENCE_METHOD} --plot=stability.png",
     ]
     if publications := references_of(method):
-        parts += ["## Publications", "\n".join(f"- {escaped(one.text)}" for one in publications)]
-        parts += ["```bibtex\n" + "\n".join(one.bibtex for one in publications) + "```"]
+        texts = [f"{one.text} doi:{one.doi}" if one.doi else one.text for one in publications]
+        parts += ["## Publications", "\n".join(f"- {escaped(text)}" for text in texts)]
     return "\n\n".join(filter(None, parts)) + "\n"
 
 

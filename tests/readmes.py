@@ -46,7 +46,7 @@ from tdint.output.tables import table as shared
 from tdint.output.tables.runs import BUILDING_COLUMNS
 from tdint.output.tables.table import columns_of
 from tdint.response.spectra.drift import DriftSpectrum
-from tdint.response.spectra.elastic import OscillatorMotion, Spectrum
+from tdint.response.spectra.elastic import Spectrum
 from tdint.response.spectra.inelastic import InelasticSpectrum
 from tdint.studies.campaign import campaign_tables as campaign
 from tdint.studies.fragility import damage_tables as damage_states
@@ -273,9 +273,8 @@ def columns():
         "tdint law": buildings.CYCLIC,
         "tdint pushover": buildings.pushover(1),
         "tdint pushover --target": buildings.TARGET_DISPLACEMENT,
-        "tdint compare": (*comparison.COMPARISON, buildings.of_event("")),
-        "spectra.csv of tdint compare": (*buildings.COMPARISON_SPECTRA, buildings.of_event("")),
-        "fit.csv of tdint compare": comparison.FITTED,
+        "tdint compare": comparison.COMPARISON,
+        "spectra.csv of tdint compare": buildings.COMPARISON_SPECTRA,
         "tdint inventory": buildings.INVENTORY,
         "tdint inventory --rules capacity": buildings.CLASS_COLUMNS,
         "tdint info": spectra.INFO,
@@ -291,10 +290,6 @@ def columns():
             *columns_of(Spectrum, "maxima", "interpolation")[-2:],
         ),
         "tdint spectrum --ductility": (*shared.RECORD_COLUMNS, *columns_of(InelasticSpectrum)),
-        "tdint spectrum --oscillator 1 --history": (
-            *shared.RECORD_COLUMNS,
-            *columns_of(OscillatorMotion),
-        ),
         "tdint drift-spectrum": (*shared.RECORD_COLUMNS, *columns_of(DriftSpectrum)),
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
@@ -325,7 +320,7 @@ def columns():
             *functions.RISK_TOTAL,
             *functions.COUNTED,
         ),
-        "tdint fragility --im sa,pga": (*functions.COMPARED, *functions.DEPENDENCE),
+        "tdint fragility --im sa,pga": functions.COMPARED,
         "tdint methods": methods.METHOD,
         "tdint stability": assessment.tables.STABILITY,
         "tdint overshoot": assessment.tables.OVERSHOOT,

@@ -346,9 +346,6 @@ NAMED_ELSEWHERE = {
         "src/tdint/methods/step_check.py": "bilinear linear peak-oriented tanh",
         "src/tdint/model/capacity.py": "multilinear-pinching",
         "src/tdint/model/mdof_lu.py": "trilinear-pinching",
-        "src/tdint/model/first_model.py": (
-            "bilinear multilinear multilinear-pinching trilinear-pinching"
-        ),
         "src/tdint/model/story_laws.py": "linear",
     },
     "law whose force is a factor of the tangent damping of its story": {
@@ -356,14 +353,12 @@ NAMED_ELSEWHERE = {
         "src/tdint/model/building.py": "hertz",
     },
     "options that `test_choices_of_options_are_names_of_the_library` compares": {
-        "cli/tdint_cli/commands/init.py": "bilinear",
         "cli/tdint_cli/assessment/order.py": "linear",
     },
     "methods of references, and of buildings for which they are exact": {
         "cli/tdint_cli/assessment/examples.py": "gauss4 impulse impulse4 linear moment4 rk5",
         "src/tdint/assessment/chart/problem.py": "exact gap impulse4 newmark-average",
         "src/tdint/studies/recordings/compare.py": "exact",
-        "src/tdint/studies/recordings/fit.py": "exact",
     },
     "published examples": {
         "src/tdint/assessment/examples/paper_examples.py": (
@@ -453,10 +448,9 @@ def test_table_of_names_is_found():
 def test_choices_of_options_are_names_of_the_library():
     """These options name laws without the import of the modules that use them."""
     from tdint.assessment.order.order import STORY_LAWS
-    from tdint.model.first_model import FITTED_LAWS
     from tdint_cli.main import cli
 
-    for command, known in (("order", STORY_LAWS), ("init", FITTED_LAWS)):
+    for command, known in (("order", STORY_LAWS),):
         parameters = cli.get_command(None, command).params
         (option,) = (parameter for parameter in parameters if parameter.name == "law")
         assert list(option.type.choices) == list(known)

@@ -1,7 +1,6 @@
 """Attachments and links on the command line: tables, history, summary, first model."""
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
@@ -101,27 +100,6 @@ def test_figure_of_modes_shows_the_floors_without_attachments(folder):
     (axes,) = mode_picture(package.modes("model.yaml"), name="").axes
     shape = axes.lines[1]  # after the line at 0
     assert shape.get_ydata().tolist() == [0, 1, 2] and shape.get_xdata()[-1] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("units", ["si", "us"])
-def test_first_model_with_the_optimum_of_den_hartog(folder, tdint, units):
-    """f = 1 / (1 + mu) and zeta = sqrt(3 mu / (8 (1 + mu))) for the modal mass at the roof."""
-    options = "--stories", 4, "--period", 0.8, "--tuned-mass-damper", "--units", units
-    tdint("init", "a.yaml", *options, code=0)
-    model = yaml.safe_load((folder / "a.yaml").read_text())
-    (damper,) = model["attachments"]
-    gravity = 386.0886 if units == "us" else 1.0  # in/s^2: the file contains weights
-    key = "weight" if units == "us" else "mass"
-    mass = damper[key] / gravity
-    modal = sum(story[key] * (i / 4) ** 2 for i, story in enumerate(model["stories"], start=1))
-    mu, omega = 0.05, 2.0 * math.pi / 0.8
-    assert damper[key] == pytest.approx(mu * modal, rel=1e-5)
-    own = omega / (1.0 + mu)
-    assert float(damper["stiffness"]) == pytest.approx(mass * own**2, rel=1e-5)
-    ratio = math.sqrt(3.0 * mu / (8.0 * (1.0 + mu)))
-    assert float(damper["dashpot"]) == pytest.approx(2.0 * ratio * mass * own, rel=1e-5)
-    refused = tdint("init", "b.yaml", "--isolated", "--tuned-mass-damper", code=2)
-    assert "tuned to a building on a fixed base" in refused.stderr
 
 
 SHAKEN = """

@@ -505,7 +505,6 @@ def test_a_named_pipe_in_the_cache_does_not_block_a_command(
 
 
 KEPT_SAFE = {
-    "init": ("curves.csv", ".yaml", "init {written} --weights 100 --from-pushover {read}"),
     "run --plot": ("shaken.yaml", ".png", "run {read} MOTION --plot={written}"),
     "run --report": ("shaken.yaml", ".html", "run {read} MOTION --report {written}"),
     "run --history": ("shaken.yaml", ".csv", "run {read} MOTION --history={written}"),
@@ -603,7 +602,7 @@ def test_every_option_that_writes_a_file_is_tested() -> None:
                 assert (name, option.opts[0]) in tried | {("init", "file")}, name
     reading = {arguments[0] for arguments in lines}
     assert writing_commands() - reading == {
-        "overshoot", "failures", "examples", "order", "validate", "compile",
+        "init", "overshoot", "failures", "examples", "order", "validate", "compile",
     }  # fmt: skip
 
 

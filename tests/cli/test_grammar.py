@@ -2,6 +2,7 @@
 standard input."""
 
 from importlib import import_module
+from pathlib import Path
 
 import click
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from csv_rows import rows
 from legible import BEGINNINGS
 from selection import every
-from tdint_cli.main import COMMANDS
+from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import with_values
 from tdint_cli.options.option_types import BESIDE
@@ -271,11 +272,8 @@ def test_options_that_depend_on_others_declare_them():
         ("run", "--floor-periods"),
         ("run", "--history-every"),
         ("law", "--units"),
-        ("compare", "--blind"),
         ("compare", "--damping"),
         ("compare", "--periods"),
-        ("init", "--year"),
-        ("init", "--area"),
         ("spectrum", "--hardening"),
         ("spectrum", "--axes"),
         ("spectrum", "--against-column"),
@@ -304,7 +302,6 @@ MODE_ARGUMENTS = {
         "with --ductility, --strength or --reduction",
     ): "x --ductility 2 --strength 1 --reduction 4",
     ("spectrum", "with --fourier"): "x --fourier",
-    ("spectrum", "with --oscillator"): "x --oscillator 1 --history",
     ("spectrum", "with --rotd"): "x --rotd 50",
     ("spectrum", "with --against"): "x --against y",
     ("chart", "with one building"): "x",
@@ -326,10 +323,8 @@ MODE_ARGUMENTS = {
     ("compile", "with --clean alone"): "--clean",
     ("fragility", "with a single measure"): "x --im sa",
     ("fragility", "with several measures (--im), because they are compared"): "x --im sa,pga",
-    ("init", "without --weights and --type"): "",
+    ("init", "without --weights"): "",
     ("init", "with --weights"): "--weights 1,1",
-    ("init", "with --from-pushover"): "--weights 1,1 --from-pushover x",
-    ("init", "with --type"): "--type C1",
     ("law", "without --path"): "x --drift 1%",
     ("law", "with --path, which defines all drifts"): "x --path y",
     ("modes", "without --target or --transfer"): "x",
@@ -346,7 +341,7 @@ MODE_ARGUMENTS = {
 VALUES = {
     "--axes": "periods --plot=p.png", "--damping": "2%", "--floor-damping": "2%",
     "--maxima": "peer", "--interpolation": "linear", "--rotd": "50", "--strength": "1",
-    "--oscillator": "1 --history", "--trim": "0:1", "--baseline": "linear",
+    "--trim": "0:1", "--baseline": "linear",
     "--versus": "time --plot=p.png", "--export-floors": "mseed", "--im": "pga",
     "--report": "r.html", "--shapes": "roof", "--fit": "ida", "--by": "type",
     "--edp-range": "1:2", "--drift": "1%", "--limit": "2%", "--weights": "1,1",
@@ -430,7 +425,18 @@ def test_an_option_is_not_used_as_the_value_of_another(folder, tdint):
 
 
 def test_compare_reads_standard_input_only_once(tdint):
-    options = ("--fit", "damping", "--blind", "-")
-    for model, recorded in (("-", "a.yaml"), ("a.yaml", "-")):
-        message = "--recorded and --blind"
-        tdint.refused(message, "compare", model, "--recorded", recorded, *options, stdin=b"")
+    tdint.refused("MODEL.yaml and --recorded", "compare", "-", "--recorded", "-", stdin=b"")
+
+
+def test_removed_options_name_the_other_way(tdint):
+    """A table names each removed option, which is no option of its command any more."""
+    table = rows(Path(grammar.__file__).with_name("removed.csv").read_text())
+    assert len(table) == 15
+    for row in table:
+        name, option = row["commands"], row["option"]
+        command = cli.get_command(click.Context(cli), name)
+        assert command and option not in {text for item in command.params for text in item.opts}
+        result = tdint(name, "x", option, "1", code=2)
+        assert result.stderr.endswith(
+            f"{option} of {name} was removed in 0.2.0; {row['instead']}\n"
+        )

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import readmes
 import tdint as api
 from cli.conftest import Command
 from csv_rows import rows
@@ -42,37 +41,6 @@ def test_the_model_has_the_requested_period(
     np.testing.assert_allclose(building.yield_drift, building.yield_drift[0], rtol=1e-5)
 
 
-@pytest.mark.parametrize("units", ["si", "us"])
-def test_an_isolated_model_has_bearings_and_a_moat_wall(
-    folder: Path, tdint: Command, units: str
-) -> None:
-    """The bearings have the published rules of thumb: a period of 2.5 s of the rigid building after
-    yield, and a force of 5 % of the weight at zero displacement. Also a low building has no unusual
-    damping."""
-    for stories in (1, 3):
-        call = ("init", "i.yaml", "--stories", stories, "--isolated", "--units", units)
-        tdint(*call, "--overwrite", code=0)
-        assert "Warning" not in tdint("check", "i.yaml", code=0).stderr
-    model = load_model("i.yaml")
-    base, *stories = model.stories
-    assert base.isolator and len(stories) == 3
-    bearings, wall = base.elements
-    assert (bearings.law.name, wall.law.name) == ("bilinear", "gap")
-    assert wall.law.parameters[0] == pytest.approx(0.3, rel=1e-2)
-    mass = sum(story.mass for story in model.stories)
-    yield_force, hardening, _ = bearings.law.parameters
-    stiffness = hardening * bearings.stiffness
-    assert 2.0 * np.pi * np.sqrt(mass / stiffness) == pytest.approx(2.5, rel=1e-5)
-    assert (1.0 - hardening) * yield_force == pytest.approx(0.05 * 9.80665 * mass, rel=1e-5)
-    assert base.dashpot == pytest.approx(0.1 * np.sqrt(stiffness * mass), rel=1e-5)
-    tdint("init", "fixed.yaml", "--stories", 3, "--units", units, code=0)
-    assert tuple(stories) == load_model("fixed.yaml").stories
-    tdint("run", "i.yaml", "-o", "out", code=0)
-    assert [row["element"] for row in rows("out/elements.csv")] == ["bearings", "moat wall"]
-    free = tdint("init", "-", "--stories", 3, "--isolated", "--units", units).stdout
-    assert len(rows(tdint("run", "-", stdin=free.encode(), code=0).stdout)) == 4
-
-
 def test_the_motion_is_the_pulse_of_its_parameters(folder: Path, tdint: Command) -> None:
     assert tdint("init").exit_code == 0
     record = read_record("building-motion.txt")
@@ -93,15 +61,6 @@ def test_the_motion_is_the_pulse_of_its_parameters(folder: Path, tdint: Command)
     np.testing.assert_allclose(trapezoids[: t.size], shape, atol=5e-4 * pulse.velocity)
 
 
-def test_a_model_of_a_building_type(folder: Path, tdint: Command) -> None:
-    options = ("--type", "C1", "--year", 1985, "--stories", 8, "--area")
-    tdint("init", "c1.yaml", *options, 600, code=0)
-    tdint("init", "us.yaml", *options, 600 / 0.3048**2, "--units", "us", code=0)
-    shipped = load_model(readmes.ROOT / "configs" / "hazus-c1.yaml")
-    assert load_model("c1.yaml").stories == shipped.stories
-    assert load_model("us.yaml").stories[0].mass == pytest.approx(shipped.stories[0].mass, rel=1e-5)
-
-
 def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Command) -> None:
     text = tdint("init", "-", "--stories", 3).stdout
     done = tdint("check", "-", stdin=text.encode(), code=0)
@@ -112,13 +71,6 @@ def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Co
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("init", "--type", "C9", "--year", 1985, "--area", 1), 2,
-         "unknown building type 'C9'; available types: W1"),
-        (("init", "--type", "C1", "--year", 1985), 2, "--type requires --year and --area"),
-        (("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1), 2,
-         "define the period"),
-        (("init", "--type", "C1", "--year", 1985, "--area", 1, "--isolated"), 2,
-         "--isolated has no effect with --type; omit --isolated"),
         (("init", "--period", 0), 2, "--period"),
         (("init", "--weights", f"{'9' * 5000}x3900"), 2, "invalid weight"),
         (("init", "forced.yaml"), 6, "forced.yaml: the file exists"),

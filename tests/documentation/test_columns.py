@@ -12,10 +12,7 @@ from tdint_cli.main import cli
 
 OTHER_STORY = re.compile(r"story_(?!1_)\d+_")
 RECORD = "records/firm-soil.mseed --period 1"
-RECORDED = (
-    "{folder}/frame.yaml --recorded {folder}/recorded.yaml --blind {folder}/recorded.yaml --fit "
-    "damping"
-)
+RECORDED = "{folder}/frame.yaml --recorded {folder}/recorded.yaml"
 FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1 --no-check",
@@ -40,7 +37,6 @@ COMMANDS = {
     "tdint pushover --target": "asce7:sds=0.2,sd1=0.1,tl=8 configs/hazus-c1.yaml --points 20",
     "tdint compare": RECORDED,
     "spectra.csv of tdint compare": RECORDED,
-    "fit.csv of tdint compare": RECORDED,
     "tdint inventory": "configs/buildings.csv --units m",
     "tdint inventory --rules capacity": "--classes {folder}/classes.csv {folder}/of-classes.csv "
     "--units m",
@@ -50,7 +46,6 @@ COMMANDS = {
     "tdint spectrum --target": "ec8:type=1,soil=B,ag=0.25g --period 1",
     "tdint spectrum --rotd 50,100": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --ductility": f"2 {RECORD}",
-    "tdint spectrum --oscillator 1 --history": "records/firm-soil.mseed",
     "tdint drift-spectrum": RECORD,
     "tdint run --scale 1,2": "configs/ten-story.yaml --duration 1",
     "runs.csv of tdint campaign": "{folder}/campaign.yaml",

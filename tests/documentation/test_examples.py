@@ -218,6 +218,40 @@ def test_a_stepper_controls_a_building(checkout):
     assert start >= 10.0 and end == pytest.approx(start + 20.0, abs=0.02)
 
 
+def test_a_fit_of_factors(checkout):
+    """The factors of a known building are found within 0.1 %."""
+    _, run = checkout
+    output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("fit")]))
+    stiffness, damping = map(float, re.findall(r"\d+\.\d+", output))
+    assert stiffness == pytest.approx(0.85, rel=1e-3) and damping == pytest.approx(1.4, rel=1e-3)
+
+
+def test_the_sufficiency_of_a_measure(checkout):
+    """The p-value is small only if the residuals depend on the magnitude."""
+    folder, run = checkout
+    random = np.random.default_rng(3)
+    magnitude, pgv = random.uniform(5, 8, 40), random.lognormal(size=40)
+    (folder / "measures").mkdir(exist_ok=True)
+    key = [f"building,r{i}.csv,HNE,1,0" for i in range(40)]
+    events = "".join(f"r{i}.csv,{value}\n" for i, value in enumerate(magnitude))
+    (folder / "events.csv").write_text(f"record,magnitude\n{events}")
+    script = shlex.join([sys.executable, "-W", "error", "-c", readmes.block("sufficiency")])
+    noise = np.exp(0.1 * random.normal(size=40))
+    for drift, least, most in (
+        (pgv * noise, 0.01, 1.0),
+        (pgv * noise * np.exp(magnitude), 0, 1e-6),
+    ):
+        for name, column, values in (
+            ("measures", "pgv_m_s", pgv),
+            ("runs", "peak_drift_ratio", drift),
+        ):
+            rows = "".join(f"{text},{value}\n" for text, value in zip(key, values, strict=True))
+            header = f"building,record,component,scale,sample,{column}\n"
+            (folder / "measures" / f"{name}.csv").write_text(header + rows)
+        output, _ = run(script)
+        assert least < float(output.rpartition(":")[2]) < most
+
+
 @pytest.mark.slow
 def test_a_fit_by_derivatives(checkout):
     """Ten stiffnesses are estimated within four standard errors. The number of calls is smaller

@@ -80,7 +80,7 @@ def test_the_comparison_of_sessions_detects_differences():
 def test_the_recommended_method_is_the_default():
     """The pages and `tdint methods` recommend the method that is the default."""
     texts = [(readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text()]
-    texts.append(CliRunner().invoke(cli, ["methods", "--help"]).output)
+    texts.append(CliRunner().invoke(cli, ["methods", "--help-all"]).output)
     first_page = " ".join(readmes.README.read_text().split())
     assert re.findall(r"If in doubt, use the default, `(\w+)", first_page) == [DEFAULT_METHOD]
     for text in texts:

@@ -22,7 +22,6 @@ _NUMBERS = (
 )  # fmt: skip
 
 _COMPARE = [("compare", *item) for item in COMPARE]
-_FIT = [("compare", *item, "--fit", "stiffness") for item in COMPARE[:1]]
 _SCALES, _LEVELS, _TOWN, _FACTORS, _PAIRS, _ASSETS = ([("campaign", *item)] for item in CAMPAIGN)
 
 
@@ -35,9 +34,7 @@ class Study:
 
 
 STUDIES = {
-    "compare": Study(
-        [*_COMPARE, *_COMPARE, *_FIT], ("recorded.yaml", "sensors.yaml", "history.csv")
-    ),
+    "compare": Study(_COMPARE, ("recorded.yaml", "sensors.yaml", "history.csv")),
     "campaign of models": Study([*_SCALES, *_LEVELS], ("scales.yaml", "levels.yaml")),
     "campaign with factors": Study(_FACTORS, ("factors.yaml", "factors.csv")),
     "campaign of a town": Study(

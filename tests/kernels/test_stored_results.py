@@ -35,7 +35,7 @@ from tdint.methods.catalogue import catalogue  # noqa: E402
 from tdint.model.building import assemble  # noqa: E402
 from tdint.response.runs.sequence import run_sequence  # noqa: E402
 from tdint.response.spectra.drift import drift_spectrum  # noqa: E402
-from tdint.response.spectra.elastic import oscillator_motion, spectrum  # noqa: E402
+from tdint.response.spectra.elastic import spectrum  # noqa: E402
 from tdint.response.spectra.inelastic import constant_ductility, constant_strength  # noqa: E402
 from tdint.response.spectra.rotated import rotated_spectrum  # noqa: E402
 from tdint.response.static.cyclic import follow_path  # noqa: E402
@@ -184,7 +184,6 @@ SPECTRA = {
     "spectrum samples": lambda: spectrum(MOTION, PERIODS, 0.05, maxima="samples"),
     "spectrum peer": lambda: spectrum(MOTION, PERIODS, 0.05, maxima="peer"),
     "spectrum band": lambda: spectrum(MOTION, PERIODS, 0.3, interpolation="band-limited"),
-    "motion": lambda: oscillator_motion(MOTION, 0.3, 0.05),
     "drift": lambda: drift_spectrum(MOTION, PERIODS[3:], 0.05),
     "drift stories": lambda: drift_spectrum(MOTION, PERIODS[3:], 0.02, stories=3),
     "rotated": lambda: rotated_spectrum(PAIR, PERIODS, 0.05, (0, 50, 100)),

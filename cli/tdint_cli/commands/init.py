@@ -5,36 +5,23 @@ from __future__ import annotations
 import math
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from tdint.errors import UsageError
 from tdint.files import write_files
-from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import Count, FileName, Written
 from tdint_cli.terminal import emit, say
-
-if TYPE_CHECKING:
-    from tdint.model.first_model import FittedLaw
 
 FILE = "building.yaml"
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
 """Default number of stories, and default period of a building divided by this number, s."""
 _MAX_STORIES = 200
 """Maximum number of stories; taller buildings do not exist, so that a larger number is an error."""
-_MAX_LISTED_MISFITS = 12  # maximum number of misfits in the message
 _MIN_PERIOD = 0.001
 """Minimum period of a building, s; shorter periods are typing errors."""
-
-
-def _structures() -> list[str]:
-    """Return the names of the structural types, for the completion of an option."""
-    from tdint.model.mdof_lu import STRUCTURES
-
-    return list(STRUCTURES)
 
 
 def _weights(text: str) -> tuple[float, ...]:
@@ -73,14 +60,6 @@ class Request:
     stories: int = options.option(type=Count(1, _MAX_STORIES), default=_STORIES)
     period: float | None = options.option(type=click.FloatRange(0.0, 100.0, min_open=True))
     weights: tuple[float, ...] | None = options.option(type=Written("weight,...", _weights))
-    isolated: bool = options.option()
-    tuned_mass_damper: bool = options.option()
-    from_pushover: str | None = options.option()
-    law: str = options.option(default="bilinear")
-    motion: str | None = options.option()
-    structure: str | None = options.option("--type", type=Written("name", names=_structures))
-    year: int | None = options.option(type=click.IntRange(1000, 2200))
-    area: float | None = options.option(type=click.FloatRange(0.0, min_open=True))
     units: str = options.option(default="si")
     overwrite: bool = options.option()
 
@@ -99,16 +78,14 @@ def command(request: Request) -> None:
     if request.file == "-":
         emit(_model("building", request, None).encode())
         return
-    from tdint.ground_motion.pulse import VelocityPulse, motion_text, parse_motion
+    from tdint.ground_motion.pulse import VelocityPulse, motion_text
 
     file = Path(request.file)
     motion = file.with_name(f"{file.stem}-motion.txt")
     unit = "g" if request.units == "us" else "m/s^2"
     texts = {
         file: _model(file.stem, request, motion.name),
-        motion: motion_text(
-            parse_motion(request.motion) if request.motion else VelocityPulse(), unit=unit
-        ),
+        motion: motion_text(VelocityPulse(), unit=unit),
     }
     write_files({path: text.encode() for path, text in texts.items()}, overwrite=request.overwrite)
     say(f"{file}: model, ready to run under the artificial ground motion {motion}. Next:")
@@ -118,7 +95,7 @@ def command(request: Request) -> None:
 
 def _check(request: Request) -> None:
     """Check the options before the model is generated. UsageError is raised if the file name or the
-    period is invalid, options contradict each other, or --type lacks --year or --area.
+    period is invalid, or options contradict each other.
     """
     # A file with the suffix .gz would be compressed, and models cannot be read from such files.
     if (
@@ -132,87 +109,23 @@ def _check(request: Request) -> None:
         raise UsageError(
             f"{request.file!a:.100}: the file name must be UTF-8 without control characters"
         )
-    if request.isolated and request.tuned_mass_damper:
-        raise UsageError(
-            "--tuned-mass-damper is tuned to a building on a fixed base; omit it or --isolated"
-        )
     if request.period is not None and not request.period >= _MIN_PERIOD:
         raise UsageError(f"--period must be from {_MIN_PERIOD:g} to 100 s, got {request.period:g}")
-    if request.motion and request.file == "-":
-        raise UsageError(
-            "--motion cannot be used with standard output (-), because it writes a second file; "
-            "specify a file name, or omit --motion"
-        )
-    if request.structure is None:
-        weights_mode = "curves" if request.from_pushover else "weights"
-        refuse_idle(weights_mode if request.weights else "equal")
-        return
-    refuse_idle("type")
-    structures = _structures()
-    if request.structure not in structures:
-        raise UsageError(
-            f"unknown building type {request.structure!r}; available types: {', '.join(structures)}"
-        )
-    if request.year is None or request.area is None:
-        raise UsageError(
-            "--type requires --year and --area, such as --type C1 --year 1985 --area 600"
-        )
-
-
-def _laws(request: Request) -> list[FittedLaw]:
-    """Fit the hysteretic law of each story to its force-drift curve (--from-pushover), and report
-    the misfit. UsageError is raised if the numbers of stories and of --weights differ; ModelError,
-    if the file of the curves is invalid.
-    """
-    from tdint.model.first_model import fit_story, read_story_curves
-
-    assert request.from_pushover is not None and request.weights is not None
-    curves = read_story_curves(request.from_pushover)
-    # Each floor has a story below it, so each weight requires one curve.
-    if len(curves) != len(request.weights):
-        stories, floors = pluralize(len(curves), "story"), pluralize(len(request.weights), "floor")
-        raise UsageError(
-            f"{request.from_pushover} has curves for {stories}, but --weights has {floors}; "
-            "each floor requires one story"
-        )
-    fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
-    worst = max(fits, key=lambda fit: fit.misfit)
-    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_MAX_LISTED_MISFITS])
-    if len(fits) > _MAX_LISTED_MISFITS:
-        listed += " ..."
-    say(
-        f"Misfit of the stories (root mean square, divided by the maximum shear): {listed} %; "
-        f"the maximum is {100.0 * worst.misfit:.2g} % in story {worst.story}."
-    )
-    return [fit.law for fit in fits]
+    refuse_idle("weights" if request.weights else "equal")
 
 
 def _model(name: str, request: Request, motion: str | None) -> str:
-    """Return the text of the model file: stories from the options, or a building type.
+    """Return the text of the model file:
 
     `motion` is the name of the file of the ground motion; None for a model without a ground motion.
     """
-    from tdint.model.first_model import story_model, type_model
+    from tdint.model.first_model import story_model
 
-    if request.structure is None:
-        stories = len(request.weights) if request.weights else request.stories
-        return story_model(
-            name,
-            floors=request.weights or stories,
-            period=request.period or _PERIOD_OF_A_STORY * stories,
-            system=request.units,
-            motion=motion,
-            laws=_laws(request) if request.from_pushover else None,
-            isolated=request.isolated,
-            absorber=request.tuned_mass_damper,
-        )
-    assert request.year is not None and request.area is not None
-    return type_model(
+    stories = len(request.weights) if request.weights else request.stories
+    return story_model(
         name,
-        structure=request.structure,
-        stories=request.stories,
-        year=request.year,
-        area=request.area,
+        floors=request.weights or stories,
+        period=request.period or _PERIOD_OF_A_STORY * stories,
         system=request.units,
         motion=motion,
     )

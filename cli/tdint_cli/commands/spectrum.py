@@ -200,8 +200,6 @@ class SpectrumRequest(TablesRequest):
     )
     reduction: tuple[float, ...] | None = options.option()
     hardening: float | None = options.option()
-    oscillator: tuple[float, ...] | None = options.option()
-    history: str | None = options.option(is_flag=False, flag_value=option_types.BESIDE, metavar="")
     target: str | None = options.spectra.target(
         "Draw this spectrum with the spectra of the records (--plot) or, without RECORD, write it "
         "as a table"
@@ -410,29 +408,6 @@ class Fourier(TableType):
         from tdint.response.spectra.fourier import fourier_spectrum
 
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
-
-
-class Histories(TableType):
-    """Response histories of oscillators at the samples of single components."""
-
-    def check(self, request: SpectrumRequest) -> None:
-        if request.history != option_types.BESIDE:
-            raise UsageError(
-                f"--history {request.history}: --history must be given without a file, because the "
-                f"table is written to -o; use -o {request.history} --history"
-            )
-
-    def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the response of each oscillator for each damping ratio and each component."""
-        from tdint.response.spectra.elastic import oscillator_motion
-
-        lines = [
-            oscillator_motion(record, period, damping)
-            for record in records
-            for damping in request.damping
-            for period in request.oscillator or ()
-        ]
-        return Results(lines, records)
 
 
 class Rotated(_OscillatorSpectra):
@@ -820,9 +795,6 @@ def command(request: SpectrumRequest) -> None:
     components are in one file, in two files with matching names (K-NET, PEER, channel codes), or
     in the only two files given.
 
-    --oscillator with --history writes a different table: relative displacement, relative velocity
-    and absolute acceleration of oscillators at the samples of the record.
-
     --fourier writes a different table: the amplitude of the Fourier transform of the acceleration
     (sampling interval times the sum), smoothed over the frequency (Konno and Ohmachi 1998) unless
     --smoothing is none.
@@ -843,7 +815,6 @@ def command(request: SpectrumRequest) -> None:
         (request.fourier, "fourier", Fourier),
         (request.against, "against", Against),
         (request.ductility or request.strength or request.reduction, "inelastic", Inelastic),
-        (request.oscillator, "histories", Histories),
         (request.rotd, "rotated", Rotated),
     )
     for option_value, name, requested_type in choices:

@@ -42,6 +42,21 @@ _NAMED_FILES = {
 are included, because a later check refuses them with a message."""
 
 
+@cache
+def _removed_options() -> dict[tuple[str, str], str]:
+    """Return the other way for each removed option, by command and option (removed.csv).
+
+    Version 0.3.0 removes this function and the file.
+    """
+    from tdint.files import declared_rows  # not needed by a valid command line
+
+    return {
+        (command, row["option"]): row["instead"]
+        for row in declared_rows(str(Path(__file__).with_name("removed.csv")))
+        for command in row["commands"].split()
+    }
+
+
 class HeadedOption(click.Option):
     """An option with a heading in the help.
 
@@ -444,8 +459,9 @@ class Command(HelpAsData):
             )
         with formatter.section("Examples"):
             formatter.write("".join(f"  {example}\n" for example in self.examples))
-        with formatter.section("Options"):
-            formatter.write_dl(self._short_option_help(ctx), col_max=_OPTION_WIDTH)
+        if rows := self._short_option_help(ctx):
+            with formatter.section("Options"):
+                formatter.write_dl(rows, col_max=_OPTION_WIDTH)
         if self.exits:
             with formatter.section("Exit codes"):
                 formatter.write_dl([*self.exits.items()])
@@ -492,6 +508,9 @@ class Command(HelpAsData):
         try:
             remaining = super().parse_args(ctx, [*args])  # click removes the words that it parses
         except click.NoSuchOption as error:
+            if instead := _removed_options().get((str(ctx.info_name), error.option_name)):
+                option = f"{error.option_name} of {ctx.info_name}"
+                raise UsageError(f"{option} was removed in 0.2.0; {instead}") from None
             if error.option_name in DESCRIBED_OPTIONS and "--inventory" in option_names:
                 raise UsageError(self._described_line(ctx, args, error.option_name)) from None
             raise

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ import click
 from tdint import studies
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import STDIN, check_outputs
-from tdint.number_parsing import abbreviate, number_text, pluralize
+from tdint.number_parsing import number_text
 from tdint_cli import options
 from tdint_cli.options.option_types import ListOf, Written
 from tdint_cli.options.output import Outputs, picture_file
@@ -27,17 +27,13 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.studies.recordings.compare import Comparison
-    from tdint.studies.recordings.fit import Fit
     from tdint.units import OutputUnits
 
-TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
-FITTED = "fitted.yaml"
+TABLE, SPECTRA, SUMMARY = "comparison.csv", "spectra.csv", "summary.json"
 """The files of a comparison."""
 
 PERIODS = "0.04:4:100"
 """Default periods of the spectra, s."""
-
-_LISTED = 8  # number of fitted values in the message; the files contain all values
 
 
 def _requirement(text: str) -> tuple[str, float]:
@@ -58,8 +54,6 @@ class Request:
 
     model: str
     recorded: str = options.option(required=True)
-    fit: tuple[str, ...] | None = options.option()
-    blind: tuple[str, ...] | None = options.option()
     require: tuple[tuple[str, float], ...] | None = options.option(
         type=ListOf(Written("NAME=NUMBER", _requirement))
     )
@@ -90,8 +84,8 @@ class Request:
         report = Path(self.report) if self.report else None
         picture = picture_file(self.plot, table)
         outputs = Outputs(table, picture, summary, self.overwrite, self.output_units, report)
-        names = (SPECTRA, *((FIT, FITTED) if self.fit else ())) if self.output else ()
-        check_outputs([*outputs.files, *map(self.file, names)], overwrite=self.overwrite)
+        more = [self.file(SPECTRA)] if self.output else []
+        check_outputs([*outputs.files, *more], overwrite=self.overwrite)
         return outputs
 
 
@@ -102,8 +96,7 @@ def command(request: Request) -> None:
     """Compare the computed response of a building with its recorded response.
 
     MODEL.yaml is a model file. Its record is replaced by the mean of the recordings at the base.
-    Several sensors of a floor are averaged. --fit fits the model to --recorded only; --blind adds
-    recordings that are not used in the fit. The offset of each recording is removed (of an
+    Several sensors of a floor are averaged. The offset of each recording is removed (of an
     acceleration its median, of a displacement its value before the shaking). The same zero-phase
     filters limit recorded and computed response to the band. CSV, one row per floor: correlation,
     computed maximum divided by recorded maximum, rms difference divided by the rms of the
@@ -111,36 +104,24 @@ def command(request: Request) -> None:
     """
     from tdint.model.config.model_file import load_model
     from tdint.studies.recordings.compare import Event, compare, unmet
-    from tdint.studies.recordings.fit import fit
     from tdint.studies.recordings.recording_file import load_recording
 
-    files = [request.recorded, *(request.blind or ())]
-    if [request.model, *files].count(STDIN) > 1:
+    if request.model == request.recorded == STDIN:
         raise UsageError(
-            f"standard input ({STDIN}) can be only one of MODEL.yaml, --recorded and --blind; "
-            "specify the other inputs as files"
+            f"standard input ({STDIN}) can be only one of MODEL.yaml and --recorded; specify the "
+            "other input as a file"
         )
     outputs = request.checked_outputs()
     model = load_model(request.model)
     outputs = outputs.else_in(model.output_units)
     units = outputs.shown_units
     model = replace(model, output_units=units)
-    recordings = [load_recording(file, len(model.stories)) for file in files]
-    events = [Event(recording) for recording in recordings]
-    # The fit uses only the first event (--recorded). It selects its own method and time
-    # step, so that the discretization error does not affect the fitted values; --method and --dt
-    # apply to the comparison.
-    fitted = fit(model, events[0], request.fit) if request.fit else None
-    used_model = fitted.model if fitted else model
-    comparisons = [
-        compare(used_model, event, method=request.method, dt=request.dt) for event in events
-    ]
-    _write(request, outputs, model, comparisons, fitted)
-    _report(comparisons, fitted, units)
+    event = Event(load_recording(request.recorded, len(model.stories)))
+    comparison = compare(model, event, method=request.method, dt=request.dt)
+    _write(request, outputs, model, comparison)
+    _report(comparison, units)
     # Unmet requirements are an error only after all files are written.
-    if failures := [
-        text for comparison in comparisons for text in unmet(comparison, request.require or ())
-    ]:
+    if failures := unmet(comparison, request.require or ()):
         raise AnalysisError("; ".join(failures))
 
 
@@ -148,50 +129,30 @@ def _write(
     request: Request,
     outputs: Outputs,
     model: Model,
-    comparisons: Sequence[Comparison],
-    fitted: Fit | None,
+    comparison: Comparison,
 ) -> None:
-    """Write the files of a comparison, or the table to standard output.
-
-    `model` is the building before the fit. `comparisons` contains the comparisons, of the recording
-    and of the blind recordings. `fitted` contains the fitted values; None without --fit.
-    """
-    from tdint.model.config.model_file import rewrite_model
+    """Write the files of a comparison, or the table to standard output."""
     from tdint.studies.recordings.comparison_tables import (
         comparison_spectra_table,
         comparison_summary,
         comparison_table,
-        fitted_table,
     )
 
-    periods, units = _spectrum_periods(request, comparisons[0]), outputs.shown_units
+    periods, units = _spectrum_periods(request, comparison), outputs.shown_units
     files: dict[Path, Content] = {}
     if request.output:
-        spectra = comparison_spectra_table(comparisons, periods, request.damping)
+        spectra = comparison_spectra_table(comparison, periods, request.damping)
         files[request.file(SPECTRA)] = spectra.in_units(units).csv()
-    if request.output and fitted:
-        if text := rewrite_model(model, fitted.model, request.file(FITTED)):
-            recorded = comparisons[0].event.recording.source
-            origin = f"{model.source} with {','.join(request.fit or ())} fitted to {recorded}"
-            files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
-        else:
-            note(
-                f"{model.source}: cannot be rewritten with other values; the fitted values are "
-                f"only in {FIT}"
-            )
-        files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
 
     def draw(units: OutputUnits) -> Figure:
         """Return the figure of the comparisons; its first use imports matplotlib."""
         return studies.comparison_figures.comparison_picture(
-            comparisons, periods, request.damping, units
+            [comparison], periods, request.damping, units
         )
 
     settings = {
         "method": request.method,
         "dt_s": request.dt,
-        "fit": list(request.fit or ()),
-        "blind": list(request.blind or ()),
         "require": dict(request.require or ()),
         "damping": request.damping,
         "periods": options.spectra.periods_as_given(request.periods, PERIODS)
@@ -199,10 +160,10 @@ def _write(
         else None,
     }
     outputs.deliver(
-        comparison_table(comparisons),
+        comparison_table(comparison),
         lambda: draw(units),
-        lambda: comparison_summary(model, comparisons, fitted, settings, units),
-        lambda: _page(request, comparisons, fitted, draw),
+        lambda: comparison_summary(model, comparison, settings),
+        lambda: _page(request, comparison, draw),
         files,
     )
 
@@ -226,47 +187,32 @@ def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
     return periods if periods.size else all_periods[-1:]
 
 
-def _page(
-    request: Request,
-    comparisons: Sequence[Comparison],
-    fitted: Fit | None,
-    draw: Callable[[OutputUnits], Figure],
-) -> bytes:
-    """Return the HTML page of --report; the verdict at its top is the result of --require.
-
-    `fitted` contains the fitted values of the model; None without --fit. `periods` contains the
-    periods of the response spectra in the figure, s.
-    """
+def _page(request: Request, comparison: Comparison, draw: Callable[[OutputUnits], Figure]) -> bytes:
+    """Return the HTML page of --report; the verdict at its top is the result of --require."""
     from tdint.output.page import PageText, page_units
     from tdint.studies.recordings.compare import unmet
     from tdint.studies.recordings.comparison_report import comparison_page
-    from tdint.studies.recordings.comparison_tables import fitted_table
 
-    model = comparisons[0].response.model
+    model = comparison.response.model
     units = page_units(request.output_units or model.page_units)
     verdict: list[tuple[bool | None, str]] = []
     if requirements := request.require:
-        failures = [text for item in comparisons for text in unmet(item, requirements)]
+        failures = unmet(comparison, requirements)
         limits = ", ".join(f"{name} {value:g}" for name, value in requirements)
         verdict = [
             (not failures, f"Required of every floor: {limits}. {'; '.join(failures) or 'Met'}.")
         ]
-    verdict.append((None, _least_agreement(comparisons)))
-    sentences = [_motion_sentence(item, units) for item in comparisons]
-    sentences += [f"The values were fitted in {pluralize(fitted.runs, 'run')}."] if fitted else []
+    verdict.append((None, _least_agreement(comparison)))
+    sentences = [_motion_sentence(comparison, units)]
     # The report repeats the notes of the terminal, such as removed offsets and disabled checks.
-    notes = [text for item in comparisons for text in item.notes]
-    notes += fitted.notes if fitted else ()
-    sentences += [f"Note: {text}." for text in dict.fromkeys(notes)]
-    warnings = [text for item in comparisons for text in item.warnings]
-    page_text = PageText(sentences, warnings, model.page_head, verdict=verdict)
-    fitted_values = fitted_table(fitted.values, units) if fitted else None
-    return comparison_page(comparisons, partial(draw, units), page_text, fitted_values, units)
+    sentences += [f"Note: {text}." for text in dict.fromkeys(comparison.notes)]
+    page_text = PageText(sentences, list(comparison.warnings), model.page_head, verdict=verdict)
+    return comparison_page([comparison], partial(draw, units), page_text, units)
 
 
-def _least_agreement(comparisons: Sequence[Comparison]) -> str:
+def _least_agreement(comparison: Comparison) -> str:
     """Return a sentence on the floors with the least agreement."""
-    floors = [floor for item in comparisons for floor in item.floors]
+    floors = comparison.floors
     lowest = min(floors, key=lambda floor: floor.correlation)
     # With the logarithm, the ratios 0.5 and 2 are equally far from 1.
     farthest_peak = max(floors, key=lambda floor: abs(math.log(abs(floor.peak_ratio))))
@@ -297,29 +243,8 @@ def _motion_sentence(item: Comparison, units: OutputUnits) -> str:
     return f"{text}."
 
 
-def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
-    """Write the comparisons and the fit to the terminal, then warnings and notes.
-
-    `fitted` contains the fitted values of the model; None without --fit.
-    """
-    from tdint.studies.recordings.comparison_tables import fitted_in
-
-    for item in comparisons:
-        say(_motion_sentence(item, units))
-        warn(*item.warnings)
-    # Show only the first values, because a building with many stories would fill the screen.
-    if fitted:
-        values = [fitted_in(item, units) for item in fitted.values]
-        # The place of a parameter is the number of its story. A parameter of the complete building
-        # has no place.
-        changes = [
-            " ".join(filter(None, (item.name, str(item.number or ""), f"{item.value:.5g}")))
-            for item in values
-        ]
-        source = comparisons[0].event.recording.source
-        say(
-            f"Fitted to {source} in {pluralize(fitted.runs, 'run')}: "
-            f"{abbreviate(changes, _LISTED)}."
-        )
-    note(*dict.fromkeys(text for item in comparisons for text in item.notes))
-    note(*(fitted.notes if fitted else ()))
+def _report(comparison: Comparison, units: OutputUnits) -> None:
+    """Write the comparison to the terminal, then warnings and notes."""
+    say(_motion_sentence(comparison, units))
+    warn(*comparison.warnings)
+    note(*dict.fromkeys(comparison.notes))

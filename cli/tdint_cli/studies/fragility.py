@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from tdint.studies.fragility.fit_table import FragilityResult
     from tdint.studies.fragility.fragility_function import Fragility
 
-SIGNIFICANT = 0.05
-"""P-value below which a slope is reported as significant."""
-
 
 _OPENQUAKE_OPTIONS = (
     options.option("--openquake"),
@@ -46,7 +43,6 @@ class Request:
     by: str | None = options.option()
     edp_range: tuple[float, float] | None = options.option()
     im: tuple[str, ...] | None = options.option()
-    sufficiency: str | None = options.option()
     pair_demand: str | None = options.option()
     modeling_dispersion: float = options.option(type=Number(0.0, 10.0), default=0.0)
     hazard: str | None = options.option()
@@ -71,9 +67,8 @@ def command(request: Request) -> None:
 
     With several measures of --im, the measures are compared and no function is fitted. CSV, one row
     per measure, the best measure first: the regression line of ln drift over ln IM, the standard
-    deviation beta about this line (efficiency), beta divided by the slope (proficiency), and for
-    each characteristic the slope of the residuals with its p-value (sufficiency). Collapsed and
-    failed runs are excluded.
+    deviation beta about this line (efficiency), and beta divided by the slope
+    (proficiency). Collapsed and failed runs are excluded.
     """
     several = bool(request.im and len(request.im) > 1)
     refuse_idle("compare" if several else "fit")
@@ -93,7 +88,7 @@ def _compare(request: Request) -> None:
     """Compare intensity measures, write the table and report the most efficient measure."""
     from tdint.studies.fragility.measures import compare_measures
 
-    fits = compare_measures(request.table, request.im or (), request.sufficiency)
+    fits = compare_measures(request.table, request.im or ())
     request.outputs.deliver(studies.fragility_tables.comparison_of_measures(fits))
     best = fits[0]
     say(
@@ -101,12 +96,6 @@ def _compare(request: Request) -> None:
         f"regression line {best.beta:.3g} (beta), from {pluralize(best.runs, 'run')}; "
         f"{best.left_out} excluded."
     )
-    for slope in best.dependences:
-        if slope.p_value < SIGNIFICANT:
-            say(
-                f"The residuals depend on {slope.characteristic}: slope {slope.slope:.3g}, "
-                f"p-value {slope.p_value:.2g}."
-            )
 
 
 def _check_options(request: Request) -> None:

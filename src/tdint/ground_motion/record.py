@@ -130,7 +130,7 @@ class Record(Tabular):
         (by the user), `assumed`, or `inventory` (the instrument response was removed from counts).
     quantity : str
         Quantity of the samples in the file: `acceleration`, or the `velocity` or `displacement`
-        that was differentiated.
+        of a cubic spline.
     warnings : tuple of str
         Assumptions made by the reader that affect the meaning of the values.
     inputs : tuple of Input

@@ -9,16 +9,17 @@ from typing import NamedTuple
 
 from tdint.methods.method import Method
 
-# Field of a BibTeX entry (name and value), and the line with its keywords
+# Field of a BibTeX entry: name and value
 _FIELD = r"  (\w+) = \{+(.*?)\}+,\n"
-_KEYWORDS = r"  keywords = .*\n"
 
 
 class Publication(NamedTuple):
-    """Bibliographic data of a publication.
+    """Bibliographic data of a publication, an entry of `publications.bib`.
 
     Attributes
     ----------
+    key : str
+        Name of the entry.
     author : str
         Authors in BibTeX format, separated by `and`; empty if unknown.
     howpublished : str
@@ -27,7 +28,7 @@ class Publication(NamedTuple):
         Digital object identifier; empty if it is not confirmed.
     """
 
-    bibtex: str
+    key: str
     year: str
     title: str
     howpublished: str
@@ -36,12 +37,12 @@ class Publication(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Citation in one line."""
+        """Citation in one line, without the DOI."""
         authors = self.author.replace(" and ", "; ")
         head = f"{self.title} ({self.year})"
         if authors:
             head = f"{authors} ({self.year}). {self.title}"
-        return f"{head}. {self.howpublished}." + (f" doi:{self.doi}" if self.doi else "")
+        return f"{head}. {self.howpublished}."
 
 
 @cache
@@ -57,7 +58,8 @@ def references() -> dict[str, tuple[Publication, ...]]:
     for entry in entries:
         fields = dict(re.findall(_FIELD, entry))
         methods = fields.pop("keywords").split(", ")
-        publication = Publication(re.sub(_KEYWORDS, "", entry).rstrip() + "\n", **fields)
+        key = entry.partition("{")[2].partition(",")[0]
+        publication = Publication(key, **fields)
         for method in methods:
             publications[method] = (*publications.get(method, ()), publication)
     return publications

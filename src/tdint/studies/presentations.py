@@ -34,7 +34,7 @@ def _comparison_picture(comparisons: Sequence[Any], units: OutputUnits) -> Figur
 PRESENTATIONS: dict[str, Presentation] = {
     "CampaignRuns": Presentation(lambda result: studies.campaign_tables.stored_columns(result)),
     "Comparison": Presentation(
-        lambda result: studies.comparison_tables.comparison_table([result]),
+        lambda result: studies.comparison_tables.comparison_table(result),
         picture=_comparison_picture,
     ),
     "Fragility": Presentation(

@@ -63,10 +63,6 @@ def test_units_of_the_measures(study, tdint):
             "with `tdint campaign export`; it requires the models",
         ),
         (("fragility", "out", "--im", "sa,cav"), "the runs have no measure cav"),
-        (
-            ("fragility", "out", "--im", "sa", "--sufficiency", "x.csv"),
-            "with a single measure; it compares",
-        ),
     ],
 )
 def test_invalid_measures_are_refused(study, tdint, call, message):

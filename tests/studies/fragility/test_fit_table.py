@@ -252,7 +252,7 @@ def test_standard_errors_are_jackknife_estimates(tmp_path: Path, event: bool) ->
     slopes = [
         np.polyfit(np.log(im[motion != k]), np.log(edp[motion != k]), 1)[0] for k in range(14)
     ]
-    found = line(np.log(im), np.log(edp), {}, "pgv", motion)
+    found = line(np.log(im), np.log(edp), "pgv", motion)
     assert found.slope_error == pytest.approx(math.sqrt(13.0 * float(np.var(slopes))), rel=1e-9)
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import t as student
 
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.ground_motion.measures import cumulative_absolute_velocity_above, measure
@@ -119,7 +118,7 @@ def test_regression_line_agrees_with_least_squares():
     x, magnitude = rng.standard_normal(40), rng.uniform(5.0, 8.0, 40)
     y = 0.3 + 1.4 * x + 0.2 * magnitude + 0.1 * rng.standard_normal(40)
     each = np.arange(40)  # each run is under another motion
-    found = line(x, y, {"magnitude": magnitude, "constant": np.ones(40)}, "pgv", each)
+    found = line(x, y, "pgv", each)
     design = np.column_stack([np.ones(40), x])
     solution, residual, *_ = np.linalg.lstsq(design, y, rcond=None)
     beta = math.sqrt(residual[0] / 38.0)
@@ -128,49 +127,15 @@ def test_regression_line_agrees_with_least_squares():
     reported = (found.slope, found.beta, found.slope_error, found.proficiency)
     assert reported == pytest.approx((solution[1], beta, error, beta / solution[1]), rel=1e-9)
     assert found.r_squared == pytest.approx(np.corrcoef(x, y)[0, 1] ** 2, rel=1e-9)
-    (dependence,) = found.dependences
-    assert dependence.slope == pytest.approx(
-        np.polyfit(magnitude, y - design @ solution, 1)[0], rel=1e-9
-    )
-    assert dependence.characteristic == "magnitude" and dependence.p_value < 1e-6
-    exact = line(x, 2.0 * x + 1.0, {}, "pgv", each)
+    exact = line(x, 2.0 * x + 1.0, "pgv", each)
     assert (exact.slope, exact.beta) == pytest.approx((2.0, 0.0), abs=1e-12)
-
-
-def test_runs_under_one_motion_are_clustered():
-    """The p-value agrees with sums over the motions. Runs that are repeated three times contain no
-    additional information, except for the factor (n - 1)/(n - 2)."""
-    rng = np.random.default_rng(8)
-    motion = np.repeat(np.arange(9), 4)
-    magnitude = rng.uniform(5.0, 8.0, 9)[motion]
-    x, shared = rng.standard_normal(36), 0.4 * rng.standard_normal(9)[motion]
-    y = 1.2 * x + shared + 0.1 * rng.standard_normal(36)
-    residual = y - np.polyval(np.polyfit(x, y, 1), x)
-    slope, intercept = np.polyfit(magnitude, residual, 1)
-    residuals, centered = residual - intercept - slope * magnitude, magnitude - magnitude.mean()
-    total = sum(
-        float(centered[motion == number] @ residuals[motion == number]) ** 2 for number in range(9)
-    )
-    error = math.sqrt(total * 9 / 8 * 35 / 34) / float(centered @ centered)
-    (found,) = line(x, y, {"magnitude": magnitude}, "pgv", motion).dependences
-    (alone,) = line(x, y, {"magnitude": magnitude}, "pgv", np.arange(36)).dependences
-    assert found.p_value == pytest.approx(2.0 * student.sf(abs(slope) / error, 8), rel=1e-9)
-    assert found.p_value > 2.0 * alone.p_value  # which counts 36 runs as 36 motions
-    (thrice,) = line(
-        *(np.tile(values, 3) for values in (x, y)),
-        {"magnitude": np.tile(magnitude, 3)},
-        "pgv",
-        np.tile(motion, 3),
-    ).dependences
-    expected = error * math.sqrt(107 / 106 * 34 / 35)
-    assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / expected, 8), rel=1e-9)
 
 
 def test_too_few_runs_and_constant_measure_are_refused():
     with pytest.raises(AnalysisError, match="at least 3 completed runs, got 2"):
-        line(np.zeros(2), np.zeros(2), {}, "pgv", np.arange(2))
+        line(np.zeros(2), np.zeros(2), "pgv", np.arange(2))
     with pytest.raises(AnalysisError, match="the same value in all runs"):
-        line(np.zeros(3), np.arange(3.0), {}, "pgv", np.arange(3))
+        line(np.zeros(3), np.arange(3.0), "pgv", np.arange(3))
 
 
 def folder_of(tmp_path: Path, buildings=("a",)) -> Path:
@@ -199,24 +164,14 @@ def folder_of(tmp_path: Path, buildings=("a",)) -> Path:
 
 
 def test_best_measure_is_listed_first(tmp_path):
-    (tmp_path / "events.csv").write_text(
-        "record,magnitude\n" + "".join(f"{i}.csv,{6 + i % 3}\n" for i in range(12))
-    )
-    best, other = compare_measures(folder_of(tmp_path), ["sa", "pgv"], tmp_path / "events.csv")
+    best, other = compare_measures(folder_of(tmp_path), ["sa", "pgv"])
     assert (best.im, best.unit, best.runs, best.left_out) == ("pgv", "cm/s", 11, 1)
     assert (best.slope, best.beta) == pytest.approx((1.5, 0.0), abs=1e-9)
-    assert [dependence.characteristic for dependence in other.dependences] == [
-        "ln scale",
-        "magnitude",
-    ]
     assert other.beta > 0.1
 
 
 def test_inconsistent_tables_are_refused(tmp_path):
     folder_of(tmp_path)
-    (tmp_path / "events.csv").write_text("record,magnitude\n0.csv,6\n")
-    with pytest.raises(ModelError, match=r"row of the record 1\.csv is missing"):
-        compare_measures(tmp_path, ["sa", "pgv"], tmp_path / "events.csv")
     lines = (tmp_path / "measures.csv").read_text().splitlines()
     (tmp_path / "measures.csv").write_text("\n".join(lines[:5]) + "\n")
     with pytest.raises(ModelError, match=r"row of the run a .* is missing"):

@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 
 from building_cases import LINEAR, Force, Law, model, story
-from facts import states
 from selection import every
-from tdint.errors import AnalysisError, RecordError, UsageError
+from tdint.errors import AnalysisError, RecordError
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.scale import differentiated
+from tdint.ground_motion.reading.scale import moved
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.signal import Signal, has_offset
 from tdint.model.config.model_file import load_model
-from tdint.model.definition import ModalDamping, RayleighCoefficients
 from tdint.response.runs.run import prepare, run_case
 from tdint.studies.recordings.compare import (
     _REQUIREMENTS,
@@ -29,17 +27,6 @@ from tdint.studies.recordings.compare import (
     unmet,
 )
 from tdint.studies.recordings.comparison_figures import comparison_picture
-from tdint.studies.recordings.fit import (
-    _MAX_SCANNED_STARTS,
-    _SCANNED_FACTORS,
-    _STIFFNESS,
-    _damping,
-    _Problem,
-    _standard_errors,
-    _start_values,
-    fit,
-)
-from tdint.studies.recordings.fit import _smoothed as smoothed
 from tdint.studies.recordings.recording_file import load_recording
 
 DT, SIZE = 0.02, 1500
@@ -205,9 +192,9 @@ def test_displacements_are_compared_relative_to_base(recorded_model):
     assert floors[0].peak_ratio == pytest.approx(1.0, abs=1e-9)
 
 
-def test_base_displacement_is_differentiated(recorded_model):
+def test_base_displacement_becomes_an_acceleration(recorded_model):
     smooth = np.cumsum(np.cumsum(noise(3))) * 1e-4
-    recorded_model.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
+    recorded_model.usual(base_m=smooth, base_m_s2=moved(smooth, DT, "displacement").acceleration)
     by_acceleration = compare(recorded_model.model, recorded_model.event())
     by_displacement = compare(
         recorded_model.model, recorded_model.event(recording(sensor("base_m")))
@@ -278,15 +265,6 @@ def test_recordings_without_common_clock_start_together(recorded_model, tmp_path
     assert not [note for note in plain.event.notes if "common clock" in note]
 
 
-def test_smoothed_spectrum_of_impulse_is_constant():
-    """The Fourier amplitude of a single sample equals this sample at all frequencies, for any
-    smoothing window."""
-    impulse = np.zeros(SIZE)
-    impulse[SIZE // 3] = -4.0
-    for band in (None, (0.5, 8.0)):
-        assert smoothed(impulse, DT, band) == pytest.approx(math.log(4.0), abs=1e-12)
-
-
 def test_comparison_is_limited_to_window(recorded_model):
     recorded_model.usual()
     (first, _) = compare(
@@ -316,35 +294,6 @@ def test_spectra_of_recorded_and_computed_motion(recorded_model):
     np.testing.assert_allclose(by_displacement.computed, by_acceleration.computed, rtol=4e-2)
 
 
-@pytest.mark.long
-def test_stiffness_and_damping_are_fitted_from_30_percent_off(recorded_model):
-    """The recordings of the floors contain 10 % noise; the initial stiffnesses of the stories
-    deviate in different directions."""
-    generator = np.random.default_rng(11)
-    noisy = {
-        f"{name}_m_s2": values + 0.1 * np.std(values) * generator.normal(size=SIZE)
-        for name, values in recorded_model.motions.items()
-    }
-    recorded_model.usual(**noisy)
-    event = recorded_model.event(
-        recording(more=f"  2: {sensor('floor_2_m_s2')}\nband: [0.3, 15]\n")
-    )
-    stories = [
-        replace(story, stiffness=story.stiffness * factor)
-        for story, factor in zip(recorded_model.model.stories, (1.3, 0.7, 1.3), strict=True)
-    ]
-    changed_model = replace(
-        recorded_model.model, stories=tuple(stories), damping=ModalDamping((0.05, 0.05, 0.05))
-    )
-    found = fit(changed_model, event, ["stiffness", "damping"])
-    values = [value.value for value in found.values]
-    assert [value.number for value in found.values] == [1, 2, 3, 1, 2, 3]
-    assert values[:3] == pytest.approx([900.0, 700.0, 500.0], rel=0.01)
-    assert values[3:] == pytest.approx([0.02, 0.03, 0.04], rel=0.15)
-    assert not found.notes
-    assert all(floor.correlation > 0.99 for floor in compare(found.model, event).floors)
-
-
 def test_offset_of_samples_is_removed(recorded_model):
     base = recorded_model.base + 0.3
     recorded_model.usual(base_m_s2=base)
@@ -353,27 +302,6 @@ def test_offset_of_samples_is_removed(recorded_model):
     assert any("the offset of the base, 0.3 m/s^2" in note for note in event.notes)
     assert has_offset(np.full(50, 9.81) + 1e-3 * noise(4, 50))
     assert not has_offset(np.zeros(50))
-
-
-@pytest.mark.long
-def test_poorly_determined_parameter_is_reported(recorded_model):
-    """A warning is given for the damping of a mode far above the frequency band, with noise."""
-    roof = recorded_model.motions["floor_3"]
-    recorded_model.usual(
-        floor_3_m_s2=roof + 0.2 * np.std(roof) * np.random.default_rng(2).normal(size=SIZE)
-    )
-    event = recorded_model.event(FLOORS + "band: [0.5, 3]\n")
-    found = fit(recorded_model.model, event, ["damping"])
-    assert any("damping_ratio of mode 3 is poorly determined" in note for note in found.notes)
-
-
-def test_unsupported_fit_parameters_are_refused(recorded_model):
-    recorded_model.usual()
-    event = recorded_model.event()
-    with pytest.raises(UsageError, match="no damping to be fitted"):
-        fit(replace(recorded_model.model, damping=None), event, ["damping"])
-    with pytest.raises(UsageError, match="stiffness, stiffness-factor, damping, got 'mass'"):
-        fit(recorded_model.model, event, ["mass"])
 
 
 @pytest.mark.parametrize(
@@ -471,92 +399,6 @@ def test_absolute_displacement_is_reported(recorded_model):
 # ---- Fits
 
 
-@pytest.mark.long
-def test_common_stiffness_factor_is_fitted_to_roof_sensor(recorded_model):
-    """For an error of 30 % of all stiffnesses and one sensor, the common factor is accurate to the
-    12 digits of the table. A base motion with a nonzero median is not shifted."""
-    for median in (0.004, -0.006):
-        base = recorded_model.base + median
-        record = Record(base, DT, "", "", "", "noise")
-        history = run_case(
-            prepare(recorded_model.model, record, method="exact"), history=True
-        ).history
-        recorded_model.write(base_m_s2=base, floor_3_m_s2=history.absolute_acceleration[:, 2])
-        event = recorded_model.event(
-            f"base: {sensor('base_m_s2')}\nfloors: {{roof: {sensor('floor_3_m_s2')}}}\n"
-        )
-        assert np.median(event.base.acceleration) == pytest.approx(median)
-    soft = replace(
-        recorded_model.model,
-        stories=tuple(
-            replace(story, stiffness=story.stiffness / 1.3)
-            for story in recorded_model.model.stories
-        ),
-    )
-    found = fit(soft, event, ["stiffness-factor"])
-    (value,) = found.values
-    assert (value.name, value.number, value.low, value.high) == (
-        "stiffness_factor",
-        None,
-        0.1,
-        10.0,
-    )
-    assert value.value == pytest.approx(1.3, rel=1e-9)
-    assert [story.stiffness for story in found.model.stories] == pytest.approx(
-        [900, 700, 500], rel=1e-9
-    )
-    assert not value.on_bound
-    with pytest.raises(UsageError, match="cannot be fitted together"):
-        fit(soft, event, ["stiffness", "stiffness-factor"])
-
-
-def test_fit_on_bound_is_reported(recorded_model):
-    """For a recording without damping, the best ratio is 0, which is below the lower bound."""
-    bare = replace(recorded_model.model, damping=None)
-    record = Record(recorded_model.base, DT, "", "", "", "noise")
-    history = run_case(prepare(bare, record, method="exact"), history=True).history
-    recorded_model.usual(
-        floor_1_m_s2=history.absolute_acceleration[:, 0],
-        floor_3_m_s2=history.absolute_acceleration[:, 2],
-    )
-    found = fit(
-        replace(recorded_model.model, damping=ModalDamping((0.02,))),
-        recorded_model.event(),
-        ["damping"],
-    )
-    assert found.values[0].on_bound
-    assert any(states(note, "damping_ratio ... 0.0001 to 0.5") for note in found.notes)
-
-
-def test_fit_starts_at_local_minima_of_scan():
-    """The fit starts at local minima of the scan, the lowest minimum first; the ends of the scan
-    count if they are lower than their only neighbor."""
-
-    def starts(costs, on_stiffness=True):
-        following = iter(costs)
-        problem = SimpleNamespace(
-            free_values=[SimpleNamespace(name=_STIFFNESS), SimpleNamespace(name="damping_ratio")],
-            spectral_differences=lambda point: np.array([next(following)]),
-        )
-        initial = np.array([0.1, -3.0])
-        first, *others = _start_values(
-            problem, initial, np.array([[-9.0, -9.0], [9.0, 9.0]]), on_stiffness
-        )
-        np.testing.assert_array_equal(first, initial)
-        assert all(start[1] == initial[1] for start in others)
-        return [round(math.exp(start[0] - initial[0]), 9) for start in others]
-
-    scan = [round(float(factor), 9) for factor in _SCANNED_FACTORS]
-    size = len(scan)
-    assert starts(range(size, 0, -1)) == scan[-1:]
-    assert starts(range(1, size + 1)) == scan[:1]
-    bowls = [5.0] * size
-    bowls[0], bowls[3], bowls[-1] = 3.0, 1.0, 2.0
-    bowls[1:3], bowls[4:-1] = [8.0, 7.0], np.linspace(9.0, 6.0, size - 5)
-    assert starts(bowls) == [scan[3], scan[-1], scan[0]][:_MAX_SCANNED_STARTS]
-    assert starts(bowls, on_stiffness=False) == []
-
-
 def test_window_is_exact_to_sample():
     """The window is the recorded part of the requested time range, exact to the sample. At least
     ten samples are required."""
@@ -616,53 +458,6 @@ def test_mean_of_sensors_covers_common_time_range(shortest):
     mean, lead = _mean_signal(signals, "floor 1", {})
     assert lead == pytest.approx(0.05)
     np.testing.assert_allclose(mean.samples, 3.0 * motion[35:45])
-
-
-@pytest.mark.parametrize("more", ["", "window: [2, 20]\n"])
-def test_failed_run_has_fixed_residuals(recorded_model, monkeypatch, more):
-    """The residuals of a failed run have a fixed size in both measures. Their number is that of a
-    run with a result, because derivatives of the residuals may compare the two."""
-    recorded_model.usual()
-    problem = _Problem(recorded_model.model, recorded_model.event(FLOORS + more), [])
-    shapes = [
-        differences([]).shape
-        for differences in (problem.history_differences, problem.spectral_differences)
-    ]
-    monkeypatch.setattr(problem, "computed", lambda logarithms: None)
-    temporal, spectral = problem.history_differences([]), problem.spectral_differences([])
-    assert [temporal.shape, spectral.shape] == shapes
-    assert math.sqrt(np.sum(temporal**2)) == pytest.approx(10.0)
-    assert math.sqrt(np.mean(spectral**2)) == pytest.approx(10.0)
-
-
-def test_values_without_enough_residuals_are_not_determined():
-    """Two residuals determine the first of four values, and the sum of the third and the fourth."""
-    jacobian = np.array([[2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
-    errors = _standard_errors(SimpleNamespace(jac=jacobian, cost=0.5))
-    np.testing.assert_allclose(errors, [0.5, math.inf, math.inf, math.inf])
-    # More residuals that are zero do not change the covariance matrix of determined values.
-    more = np.vstack([jacobian[:, [0, 2]], np.zeros((1, 2))])
-    np.testing.assert_allclose(
-        _standard_errors(SimpleNamespace(jac=more, cost=0.5)), [0.5, 1.0], rtol=1e-12
-    )
-
-
-def test_rayleigh_coefficients_are_fitted_within_factor_of_1000():
-    for mass, stiffness in ((0.3, 2e-3), (0.3, 0.0), (0.0, 2e-3)):
-        free = _damping(RayleighCoefficients(mass, stiffness))
-        expected = [
-            (name, value)
-            for name, value in (
-                ("mass_coefficient_1_s", mass),
-                ("stiffness_coefficient_s", stiffness),
-            )
-            if value
-        ]
-        assert [(coefficient.name, coefficient.start) for coefficient in free] == expected
-        assert all(
-            coefficient.bounds == pytest.approx((coefficient.start / 1e3, coefficient.start * 1e3))
-            for coefficient in free
-        )
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ explained: a line of text, a lost or an unreadable number within the samples is 
 numbers around the samples are accepted only if the header explains them.
 
 Columns named as acceleration are read. Velocity and displacement columns next to an acceleration
-supply its peaks; without an acceleration column they are differentiated. Units are not guessed.
+supply its peaks; without an acceleration column they are the motion. Units are not guessed.
 """
 
 from __future__ import annotations

@@ -239,9 +239,9 @@ def read_record(
         value of a single count (`2.38e-6 m/s^2`). Required if the format and the file do not state
         the units. Only floating-point MiniSEED of an accelerometer channel is assumed to be in
         m/s^2, with a warning, unless its numbers make this unlikely. Units of a velocity or a
-        displacement (`cm/s`, `cm`) specify that the samples are this quantity; they are
-        differentiated. Units by file: `{"AT2": "g", "*.mseed": "m/s^2"}`, where each key is a
-        format or the end of a path (or the text `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with
+        displacement (`cm/s`, `cm`) specify that the samples are this quantity; the acceleration is
+        that of a cubic spline. Units by file: `{"AT2": "g", "*.mseed": "m/s^2"}`, where each key is
+        a format or the end of a path (or the text `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with
         the columns record and units. No units are specified for files that match no entry.
     component : str, optional
         Component to read, required if the file has several: the channel code (`HNE`), the full id

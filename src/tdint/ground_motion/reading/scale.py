@@ -33,17 +33,19 @@ _SPECIFY_COUNT_OR_RESPONSE = (
     "specify the value of one count (`units=2.38e-6 m/s^2`), or the StationXML file of the "
     "instrument as `inventory` to remove its response"
 )
-_DIFFERENTIATION_NOTE = "amplitudes above a tenth of the sampling rate are underestimated"
-"""Note on differentiation. At a tenth of the sampling rate the error is 6 % for a velocity
-(sin x / x, x = 2 pi / 10) and 3 % for a displacement."""
-
 _SPLINE_NOTE = "its acceleration is that of a cubic spline through the displacements"
 _MIN_SPLINE_SAMPLES = 4  # a cubic spline without boundary conditions needs four points
 _REST = 0.01
 """Maximum initial velocity of a ground that starts at rest, over its peak; the building would
 otherwise have a relative velocity that changes its response visibly."""
 
-_MIN_SAMPLES = {"velocity": 3, "displacement": 3}  # minimum number of samples for differentiation
+_ROUNDING_GAINS = {"velocity": (1.848, 1), "displacement": (6.0, 2)}
+"""Largest acceleration from rounded samples: number and power of the sampling interval by which the
+unit of rounding is multiplied and divided. It is half of the sum of the absolute weights of the
+samples in an acceleration of the spline, 3.696 and 12."""
+
+_NOTICED_ROUNDING = 0.05
+"""Contribution of rounding, as a fraction of the peak acceleration, that is reported."""
 
 _UNITS_EXAMPLES = {
     "velocity": "for example `units=cm/s`",
@@ -107,7 +109,8 @@ class Motion(NamedTuple):
 def to_acceleration(
     trace: Any, format_name: str, specified: Units | None, label: str, quantity: str = ""
 ) -> Motion:
-    """Convert the samples of a trace to m/s^2; a velocity or a displacement is differentiated.
+    """Convert the samples of a trace to m/s^2, those of a velocity or a displacement by a spline
+    (`moved`).
 
     Parameters
     ----------
@@ -123,19 +126,19 @@ def to_acceleration(
         too few to be differentiated.
     """
     motion = to_motion(trace, format_name, specified, label)
-    if quantity:
-        if motion.quantity != quantity:
-            raise RecordError(
-                f"{label}: excitation.{quantity} needs a {quantity}, but the samples are of the "
-                f"quantity {motion.quantity}; use excitation.record, or choose another `column`"
-            )
-        samples, notes = moved(motion.samples, float(trace.stats.delta), quantity)
-        return motion._replace(samples=samples, notes=(*motion.notes, *notes))
+    if quantity and motion.quantity != quantity:
+        raise RecordError(
+            f"{label}: excitation.{quantity} needs a {quantity}, but the samples are of the "
+            f"quantity {motion.quantity}; use excitation.record, or choose another `column`"
+        )
     if motion.quantity == "acceleration":
         return motion
-    note = f"the {motion.quantity} of the file is differentiated: {_DIFFERENTIATION_NOTE}"
-    samples = differentiated(motion.samples, float(trace.stats.delta), motion.quantity)
-    return motion._replace(samples=samples, notes=(*motion.notes, note))
+    moving = moved(motion.samples, float(trace.stats.delta), motion.quantity)
+    return motion._replace(
+        samples=moving.acceleration,
+        notes=(*motion.notes, *moving.notes),
+        warnings=(*motion.warnings, *moving.warnings),
+    )
 
 
 def to_motion(trace: Any, format_name: str, specified: Units | None, label: str) -> Motion:
@@ -293,45 +296,27 @@ def _convert_by_file_units(
     )
 
 
-def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> NDArray[np.float64]:
-    """Return the acceleration, m/s^2, of a velocity or a displacement, by central differences.
+class Moving(NamedTuple):
+    """Acceleration of a ground that moves with given displacements or velocities, m/s^2, with notes
+    on its start and warnings on the rounding of the samples."""
 
-    A displacement is differentiated by the second central difference. The first and the last value
-    are copies of their neighbors.
+    acceleration: NDArray[Any]
+    notes: list[str]
+    warnings: list[str]
 
-    Parameters
-    ----------
-    samples : ndarray, shape (samples,)
-        Samples, m/s or m.
-    quantity : str
-        `velocity` or `displacement`.
+
+def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> Moving:
+    """Return the acceleration, linear between the samples, of the ground motion with given
+    displacements (m) or velocities (m/s) at all samples.
+
+    The displacement is then a cubic spline through the samples. The error of a frequency w is of
+    the order (w dt)^4. Rounded samples cause accelerations of the order of the unit of rounding
+    over dt^2 (displacements) or dt.
 
     Raises
     ------
     RecordError
-        There are fewer than three samples (`_MIN_SAMPLES`).
-    """
-    if samples.size < _MIN_SAMPLES[quantity]:
-        raise RecordError(
-            f"a {quantity} must have at least {_MIN_SAMPLES[quantity]} samples to be "
-            f"differentiated, got {samples.size}"
-        )
-    acceleration = np.empty(samples.size)
-    with np.errstate(over="ignore", invalid="ignore"):  # Overflow is found by `check_finite`.
-        if quantity == "velocity":
-            acceleration[1:-1] = (samples[2:] - samples[:-2]) / (2.0 * dt)
-        else:
-            acceleration[1:-1] = (samples[2:] - 2.0 * samples[1:-1] + samples[:-2]) / (dt * dt)
-    acceleration[0], acceleration[-1] = acceleration[1], acceleration[-2]
-    return acceleration
-
-
-def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> tuple[NDArray[Any], list[str]]:
-    """Return the acceleration, m/s^2, linear between the samples, of the ground motion with given
-    displacements (m) or velocities (m/s) at all samples, and notes on its start.
-
-    The displacement is then a cubic spline through the samples. The error of a frequency w is of
-    the order (w dt)^4, and (w dt)^2 for second differences.
+        There are fewer than four samples.
     """
     from scipy.interpolate import CubicSpline  # few records are displacements
 
@@ -339,18 +324,39 @@ def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> tuple[NDArr
         raise RecordError(
             f"a {quantity} must have at least {_MIN_SPLINE_SAMPLES} samples, got {samples.size}"
         )
+    if not np.isfinite(samples).all():  # reported by `check_finite`
+        return Moving(samples, [], [])
     time = dt * np.arange(samples.size)
-    motion = CubicSpline(time, samples)
-    if quantity == "velocity":
-        motion = CubicSpline(time, motion.antiderivative()(time))
-    velocity = motion(time, 1)
+    with np.errstate(over="ignore", invalid="ignore"):  # reported by `check_finite`
+        motion = CubicSpline(time, samples)
+        if quantity == "velocity":
+            motion = CubicSpline(time, motion.antiderivative()(time))
+        velocity, acceleration = motion(time, 1), motion(time, 2)
     notes = [f"the {quantity} of the file is the motion of the ground: {_SPLINE_NOTE}"]
     if abs(velocity[0]) > _REST * np.max(np.abs(velocity)):
         notes.append(
             f"the ground starts with a velocity of {velocity[0]:.3g} m/s, and the building moves "
             "with it; give `initial: {velocity: ...}` relative to the ground if it does not"
         )
-    return motion(time, 2), notes
+    return Moving(acceleration, notes, _rounding_warnings(samples, dt, quantity, acceleration))
+
+
+def _rounding_warnings(
+    samples: NDArray[np.float64], dt: float, quantity: str, acceleration: NDArray[np.float64]
+) -> list[str]:
+    """Return a warning if the rounding of the samples contributes to the peak acceleration. The
+    unit of rounding is the smallest difference between two values."""
+    steps = np.diff(np.unique(samples))
+    gain, power = _ROUNDING_GAINS[quantity]
+    unit = float(np.min(steps, initial=np.inf)) if steps.size else 0.0
+    contribution, peak = gain * unit / dt**power, float(np.max(np.abs(acceleration)))
+    if not _NOTICED_ROUNDING * peak < contribution < np.inf:
+        return []
+    return [
+        f"the {quantity} of the file is rounded to {unit:.2g} {'m/s' if power == 1 else 'm'}; this "
+        f"contributes up to {contribution:.2g} m/s^2 to accelerations (peak {peak:.3g} m/s^2); use "
+        "samples with more digits, or a low-pass filter"
+    ]
 
 
 def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:

@@ -8,18 +8,13 @@ stories, which is the highest floor; None if it is unknown after an error.
 
 from __future__ import annotations
 
-import io
-import json
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
-from contextvars import copy_context
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
-from tdint.errors import ModelError, UsageError
-from tdint.files import INPUT_DIGESTS, STDIN
+from tdint.errors import UsageError
 from tdint.ground_motion.choice import (
     BASELINES,
     MAX_FILTER_ORDER,
@@ -59,7 +54,7 @@ from tdint.model.definition import (
     RecordSource,
     TableForce,
 )
-from tdint.model.keys.document import SourceText, compose, decode, read_document
+from tdint.model.keys.document import SourceText, read_document
 from tdint.model.keys.fields import (
     ANY,
     Choice,
@@ -73,9 +68,7 @@ from tdint.model.keys.fields import (
     Section,
     TextLine,
     Value,
-    resolve,
 )
-from tdint.model.keys.nodes import Faults
 from tdint.model.story import MAX_STORIES, Story
 from tdint.number_parsing import parse_head
 from tdint.units import SI, STANDARD_GRAVITY, OutputUnits, parse_output_units
@@ -645,194 +638,3 @@ def model_schema() -> Schema:
         "description": "A shear building and its loads for tdint",
         **model_keys().schema(),
     }
-
-
-# ---- Replace stiffnesses and damping in the text of a model file, and keep its comments
-
-
-def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None:
-    """Return the text of a model file with the stiffnesses and the damping of another model.
-
-    All other text is kept, including comments. Entries with `repeat` are written separately if
-    their stories differ. Relative paths are changed so that they refer to the same files from the
-    directory of the new file.
-
-    Returns
-    -------
-    str | None
-        None if the new text would not define the model `changed`, for example if the file contains
-        aliases.
-    """
-    text = decode(original.text, Faults(original.source))
-    root = compose(text)
-    stories, damping = _find_node(root, "stories"), _find_node(root, "damping")
-    edits: list[tuple[int, int, str]] = []
-    if stories is None:
-        return None
-    first_story = 0
-    for entry in stories.value:
-        # An entry with `repeat` describes several stories. Their new stiffnesses may differ.
-        repeat = _find_node(entry, "repeat")
-        end_story = first_story + (int(repeat.value) if repeat else 1)
-        factors = [
-            changed.stories[i].stiffness / original.stories[i].stiffness
-            for i in range(first_story, end_story)
-        ]
-        edits.append(_stiffness_edit(text, entry, factors, stories))
-        first_story = end_story
-    if damping is not None and changed.damping != original.damping:
-        edits.append(
-            (damping.start_mark.index, _end_index(damping), _damping_text(changed.damping))
-        )
-    edits += _path_edits(root, changed, new_path.parent)
-    new_text = _replace_parts(text, edits)
-    return new_text if _defines_model(new_text, changed) else None
-
-
-def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, str]]:
-    """Return the replacements of the relative paths in `excitation` (record and tables of forces):
-    start and end in the text, and new text.
-
-    The paths in the model are relative to the working directory. The new paths are relative to
-    `folder`, the directory of the new file.
-    """
-    excitation = _find_node(root, "excitation")
-    motions = (_find_node(excitation, name) for name in MOTION_KEYS)
-    record = next((node for node in motions if node is not None), None)
-    forces = _find_node(excitation, "forces")
-    source = model.excitation.record
-    files: list[tuple[Any, str | Path | None]] = []
-    if record is not None and source is not None:
-        # The value of `record` is a mapping with the key `file`, or only the path.
-        files.append((_find_node(record, "file") or record, source.file))
-        files.append((_find_node(record, "inventory"), source.choice.inventory))
-    for entry in forces.value if forces is not None else ():
-        node = _find_node(entry, "file")
-        if node is not None:
-            files.append((node, resolve(node.value, Path(model.source).parent)))
-    edits = []
-    for node, file in files:
-        if node is None or file in (None, STDIN) or Path(node.value).is_absolute():
-            continue
-        path = os.path.relpath(str(file), folder)
-        new_text = json.dumps(path, ensure_ascii=False)
-        edits.append((node.start_mark.index, _end_index(node), new_text))
-    return edits
-
-
-def _defines_model(text: str, model: Model) -> bool:
-    """Return True if a text is a model file with the stiffnesses and the damping of `model`."""
-    # The separate context prevents that the text is recorded as an input file of the command.
-    context = copy_context()
-    context.run(INPUT_DIGESTS.set, None)
-    try:
-        reread = context.run(load_model, io.StringIO(text))
-    except ModelError:
-        return False
-    reread_numbers, numbers = _fitted_numbers(reread), _fitted_numbers(model)
-    return (
-        type(reread.damping) is type(model.damping)
-        and len(reread_numbers) == len(numbers)
-        and all(
-            math.isclose(reread_number, number, rel_tol=_WRITTEN_TOLERANCE)
-            for reread_number, number in zip(reread_numbers, numbers, strict=True)
-        )
-    )
-
-
-def _fitted_numbers(model: Model) -> list[float]:
-    """Return the stiffnesses of the stories, followed by the parameters of the damping."""
-    numbers = [story.stiffness for story in model.stories]
-    for value in model.damping or ():
-        numbers += value if isinstance(value, tuple) else (value,)
-    return numbers
-
-
-_WRITTEN_TOLERANCE = 1e-11
-"""Relative tolerance of numbers that were written with twelve digits."""
-
-
-def _find_node(node: Any, name: str) -> Any:
-    """Return the node of the value of a key; None if `node` does not contain the key."""
-    # `node.value` is a list of pairs (key node, value node) for a mapping, a list of nodes for a
-    # list, and the text for a scalar.
-    entries = node.value if node is not None and isinstance(node.value, list) else ()
-    for entry in entries:
-        if isinstance(entry, tuple) and entry[0].value == name:
-            return entry[1]
-    return None
-
-
-def _end_index(node: Any) -> int:
-    """Return the index of the character after a node.
-
-    The end mark of PyYAML includes the comments after a list or mapping that is written in lines.
-    Therefore such a node ends with its last scalar.
-    """
-    is_scalar = isinstance(node.value, str)
-    if is_scalar or node.flow_style:
-        return int(node.end_mark.index)
-    last_entry = node.value[-1]
-    return _end_index(last_entry[1] if isinstance(last_entry, tuple) else last_entry)
-
-
-def _replace_parts(text: str, edits: Sequence[tuple[int, int, str]], offset: int = 0) -> str:
-    """Return a text with replaced parts.
-
-    `edits` is the start and end of each replaced part, as indices in the file, and its new text.
-    `offset` is the index of the first character of `text` in the file that the indices refer to.
-    """
-    # Replace from the end to the start, because a replacement changes the indices after it.
-    for start, end, replacement in sorted(edits, reverse=True):
-        text = text[: start - offset] + replacement + text[end - offset :]
-    return text
-
-
-def _stiffness_edit(
-    text: str, entry: Any, factors: Sequence[float], stories: Any
-) -> tuple[int, int, str]:
-    """Return the replacement (start and end in the text, new text) of an entry of `stories` with
-    scaled stiffnesses.
-
-    `factors` is the factor on the stiffness of each story of the entry. If all are equal, the entry
-    is written one time, otherwise once per story.
-    """
-    start, end = entry.start_mark.index, _end_index(entry)
-    is_uniform = all(factor == factors[0] for factor in factors)
-    stiffness, repeat = _find_node(entry, "stiffness"), _find_node(entry, "repeat")
-    copies = []
-    for factor in factors[:1] if is_uniform else factors:
-        replacements = []
-        if stiffness is not None and factor != 1.0:
-            number = f"{float(stiffness.value) * factor:.12g}"
-            replacements.append((stiffness.start_mark.index, stiffness.end_mark.index, number))
-        if not is_uniform:
-            replacements.append((repeat.start_mark.index, repeat.end_mark.index, "1"))
-        copies.append(_replace_parts(text[start:end], replacements, start))
-    # Copies are written in the style of the list, in brackets or with dashes.
-    separator = ", " if stories.flow_style else "\n" + " " * stories.start_mark.column + "- "
-    return start, end, separator.join(copies)
-
-
-def _damping_text(damping: Damping) -> str:
-    """Return the value of `damping` as text of a model file."""
-
-    def format_numbers(values: Sequence[float]) -> str:
-        """Return one number without brackets, or several numbers in brackets."""
-        texts = [f"{value:.12g}" for value in values]
-        return f"[{', '.join(texts)}]" if len(texts) > 1 else texts[0]
-
-    match damping:
-        case RayleighRatio(ratios, modes, tangent):
-            numbers = ", ".join(map(str, modes))
-            values = f"ratio: {format_numbers(ratios)}, modes: [{numbers}]"
-            values += ", tangent: true" if tangent else ""
-            return f"{{rayleigh: {{{values}}}}}"
-        case RayleighCoefficients(mass, stiffness, tangent):
-            values = f"mass: {mass:.12g}, stiffness: {stiffness:.12g}"
-            values += ", tangent: true" if tangent else ""
-            return f"{{rayleigh: {{{values}}}}}"
-        case ModalDamping(ratios, p_delta):
-            values = format_numbers(ratios)
-            return f"{{modal: {values if p_delta else f'{{ratio: {values}, p_delta: false}}'}}}"
-    return "none"

@@ -189,12 +189,6 @@ COMPLEX_MODE = declared("buildings.complex_mode")
 COMPARISON_SPECTRA = (FLOOR, PERIOD, *declared("buildings.comparison_spectra"))
 
 
-def of_event(name: str) -> Column:
-    """Return the column that identifies the event in tables of several events. All its cells are
-    `name`, the file of the recordings of the event."""
-    return Column("recorded", "text", lambda _: name, "file of the recordings")
-
-
 MODEL = declared(
     "buildings.model",
     story=numbered("stories"),

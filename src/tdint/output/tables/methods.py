@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from tdint.methods.publications import references_of
 from tdint.output.tables.columns import declared
-from tdint.output.tables.table import Cell, Table, cell_text
+from tdint.output.tables.table import cell_text
 
 if TYPE_CHECKING:
-    from tdint.methods.method import Integrator, Method
+    from tdint.methods.method import Integrator
 
 
 def _without_commas(name: str) -> Callable[[Any], str]:
@@ -48,34 +48,24 @@ def _parameter_texts(integrator: Integrator) -> str:
     return "; ".join(texts)
 
 
+def _publications(name: str) -> Callable[[Integrator], str]:
+    """Return a function of a method, which returns the attribute `name` of its publications."""
+
+    def value(integrator: Integrator) -> str:
+        texts = [str(getattr(item, name)) for item in references_of(integrator.method)]
+        return " | ".join(texts).replace(",", ";")
+
+    return value
+
+
 METHOD = declared(
     "methods.method",
     parameters=_parameter_texts,
     stability_limit=_limit_or_none("stability_limit"),
     source=_without_commas("method.source"),
+    reference=_publications("text"),
+    doi=_publications("doi"),
 )
-
-
-REFERENCE = declared("methods.reference")
-
-
-def reference_table(methods: Iterable[Method]) -> Table:
-    """Return the publications of methods, with a row for each publication of each method.
-
-    A method without publications (a method of a plug-in) has a row with its source. Texts have
-    semicolons instead of commas, because commas could be taken for separators of cells.
-    """
-    rows: list[tuple[Cell, ...]] = []
-    for method in methods:
-        references = references_of(method)
-        for reference in references:
-            # The DOI is removed from the text, because it has a separate column.
-            text, _, _ = reference.text.partition(" doi:")
-            rows.append((method.name, text.replace(",", ";"), reference.doi))
-        # A method of a plug-in has no references, but a source.
-        if not references:
-            rows.append((method.name, method.source.replace(",", ";"), ""))
-    return Table.of(REFERENCE, rows)
 
 
 PEER = "/"

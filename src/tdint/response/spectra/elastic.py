@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar, overload
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from tdint.kernels.oscillators.between_steps import (
     A11,
     A12,
     A21,
-    A22,
     B10,
     B11,
     B20,
@@ -417,85 +416,6 @@ def spectrum(
         maxima=settings.maxima.name,
         interpolation=settings.interpolation.name,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class OscillatorMotion:
-    """Motion of an oscillator under a record, at its samples; arrays of shape (samples,).
-
-    Attributes
-    ----------
-    displacement, velocity : ndarray
-        Motion relative to the ground, m and m/s.
-    absolute_acceleration : ndarray
-        Absolute acceleration, m/s^2.
-    """
-
-    record: Record
-    damping: DampingRatio
-    periods: Annotated[float, Quantity("s", "natural period", called="period")]
-    displacement: Annotated[Array, Quantity("m", "relative to the ground")]
-    velocity: Annotated[Array, Quantity("m/s", "relative to the ground")]
-    absolute_acceleration: Annotated[Array, Quantity("m/s^2", "absolute")]
-
-    columns: ClassVar = (
-        "damping",
-        "periods",
-        "time",
-        "ground_acceleration",
-        "displacement",
-        "velocity",
-        "absolute_acceleration",
-    )
-
-    @property
-    def ground_acceleration(
-        self,
-    ) -> Annotated[Array, Quantity("m/s^2", "acceleration of the ground")]:
-        """Ground acceleration of the record."""
-        return self.record.acceleration
-
-    @property
-    def time(self) -> Annotated[Array, Quantity("s", "time from the first sample")]:
-        """Time from 0 at the first sample."""
-        return self.record.time
-
-
-def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> OscillatorMotion:
-    """Return the motion of an oscillator that is at rest at the first sample of a record.
-
-    The solution is exact for a ground acceleration that is linear between samples (Nigam and
-    Jennings 1969).
-
-    Parameters
-    ----------
-    period, damping : float
-        Natural period, s, positive; damping ratio in [0, 1), default 0.05.
-
-    Raises
-    ------
-    UsageError
-        The period or the damping ratio is out of range.
-    """
-    (period,), damping = checked_periods(np.array([period])).tolist(), damping_of(damping)
-    if period == 0.0:
-        raise UsageError("the period of an oscillator must be positive, got 0")
-    omega = 2.0 * math.pi / period
-    # Convert to Python floats, because a loop over NumPy scalars needs several times the time.
-    table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
-    a11, a12, b10, b11, a21, a22, b20, b21 = (
-        table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21)
-    )
-    ground = record.acceleration.tolist()
-    motion = np.zeros((len(ground), 2))
-    u = v = 0.0
-    for i in range(1, len(ground)):
-        g0, g1 = ground[i - 1], ground[i]
-        u, v = a11 * u + a12 * v - b10 * g0 - b11 * g1, a21 * u + a22 * v - b20 * g0 - b21 * g1
-        motion[i] = u, v
-    displacement, velocity = motion.T
-    absolute = -2.0 * damping * omega * velocity - omega**2 * displacement
-    return OscillatorMotion(record, damping, period, displacement, velocity, absolute)
 
 
 LONGEST_PERIOD = 1e6

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.output.tables.table import PAIR_DEMAND, TEXT, Cell, Column, Table
+from tdint.output.tables.table import PAIR_DEMAND, TEXT, Column, Table
 from tdint.studies.columns import declared
 from tdint.studies.fragility.fragility_function import BINS, Fragility
 from tdint.studies.fragility.measures import MeasureFit
@@ -199,21 +199,8 @@ def risk_table_of(functions: Sequence[Fragility]) -> Table:
 
 
 COMPARED = declared("fragility.compared")
-DEPENDENCE = declared("fragility.dependence")
 
 
 def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
-    """Return the table that compares intensity measures as predictors of the drift ratio.
-
-    It has a row per intensity measure and characteristic of the ground motions, such as the
-    magnitude, that may explain the residuals. Without characteristics, an intensity measure has a
-    single row with empty cells at the end.
-    """
-    rows: list[tuple[Cell, ...]] = []
-    for fit in fits:
-        fit_cells = tuple(column.of(fit) for column in COMPARED)
-        for dependence in fit.dependences:
-            rows.append((*fit_cells, *(column.of(dependence) for column in DEPENDENCE)))
-        if not fit.dependences:
-            rows.append((*fit_cells, *(None for _ in DEPENDENCE)))
-    return Table.of((*COMPARED, *DEPENDENCE), rows)
+    """Return the table that compares intensity measures as predictors of the drift ratio."""
+    return Table.of(COMPARED, [tuple(column.of(fit) for column in COMPARED) for fit in fits])

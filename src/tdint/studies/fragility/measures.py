@@ -28,7 +28,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr
 
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
@@ -723,33 +722,9 @@ def motions_if_known(table: CsvTable) -> NDArray[np.intp] | None:
     return motions_of(table) if table.has("event") or table.has("record") else None
 
 
-# ---- Comparison of intensity measures by their efficiency and sufficiency
+# ---- Comparison of intensity measures by their efficiency
 
-_NEEDS = (
-    "a table of characteristics has the column record and columns of numbers, such as magnitude "
-    "and distance_km"
-)
 _MIN_RUNS = 3  # minimum number of runs for a line with a dispersion
-_SCALE = "ln scale"  # name of the logarithm of the scale factor as a characteristic
-
-
-@dataclass(frozen=True)
-class Dependence:
-    """Dependence of the residuals of a line of ln EDP over ln IM on a characteristic of the ground
-    motions, such as the magnitude.
-
-    Attributes
-    ----------
-    slope : float
-        Slope of the residuals over the characteristic.
-    p_value : float
-        Probability of a slope of at least this size if the residuals are independent of the
-        characteristic.
-    """
-
-    characteristic: str
-    slope: float
-    p_value: float
 
 
 @dataclass(frozen=True)
@@ -777,7 +752,6 @@ class MeasureFit:
     slope_error: float
     beta: float
     r_squared: float
-    dependences: tuple[Dependence, ...] = ()
 
     @property
     def proficiency(self) -> float:
@@ -786,9 +760,7 @@ class MeasureFit:
         return self.beta / self.slope if self.slope else math.inf
 
 
-def compare_measures(
-    folder: str | Path, measures: Sequence[str], characteristics: str | Path | None = None
-) -> list[MeasureFit]:
+def compare_measures(folder: str | Path, measures: Sequence[str]) -> list[MeasureFit]:
     """Compare intensity measures for the runs of a campaign, in ascending order of beta.
 
     Parameters
@@ -796,9 +768,6 @@ def compare_measures(
     folder : str or Path
         Directory of a campaign of one building, with runs.csv. Measures other than `sa` and `pga`
         require measures.csv.
-    characteristics : str or Path, optional
-        CSV file with a row per record. The scale factor is an additional characteristic if it
-        varies.
 
     Returns
     -------
@@ -822,13 +791,7 @@ def compare_measures(
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
     # Runs without collapse: a maximum drift that can be used for a line.
     has_drift = (status == DONE) & (drift > 0.0)
-    characteristic_values, events = _characteristics(table, characteristics)
-    values_of_characteristic = {
-        _SCALE: np.log(np.abs(table.numbers("scale"))),
-        **characteristic_values,
-    }
-    # Runs of the same event, or under the same ground motion, are correlated.
-    motions = events if events is not None else motions_of(table)
+    motions = motions_of(table)
     fits = []
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
@@ -836,20 +799,13 @@ def compare_measures(
         # A measure may be unknown for some runs, for example Sa at a period that is too short for
         # the record.
         is_used = has_drift & (im > 0.0)
-        used_values = {
-            characteristic: values[is_used]
-            for characteristic, values in values_of_characteristic.items()
-        }
-        fit = line(np.log(im[is_used]), np.log(drift[is_used]), used_values, name, motions[is_used])
+        fit = line(np.log(im[is_used]), np.log(drift[is_used]), name, motions[is_used])
         fits.append(replace(fit, im=name, unit=unit, left_out=int(np.sum(~is_used))))
     return sorted(fits, key=lambda fit: fit.beta)
 
 
-def line(
-    x: Array, y: Array, characteristics: dict[str, Array], name: str, motion: NDArray[np.intp]
-) -> MeasureFit:
-    """Fit a line by least squares to logarithms of the intensity measure and of the demand, and
-    lines of its residuals over characteristics of the ground motions.
+def line(x: Array, y: Array, name: str, motion: NDArray[np.intp]) -> MeasureFit:
+    """Fit a line by least squares to logarithms of the intensity measure and of the demand.
 
     Runs with the same number in `motion` are correlated. Name and unit of the result are empty, and
     no runs count as omitted.
@@ -876,12 +832,6 @@ def line(
     fit = linregress(x, y)
     residuals = y - (fit.intercept + fit.slope * x)
     beta = math.sqrt(float(residuals @ residuals) / (x.size - 2))
-    dependences = []
-    for characteristic, values in characteristics.items():
-        if np.ptp(values) > 0.0:
-            change = float(linregress(values, residuals).slope)
-            p_value = _clustered_p_value(values, residuals, motion)
-            dependences.append(Dependence(characteristic, change, p_value))
     # The slope without a ground motion follows from the sums of 1, x, y, x^2 and x y over all runs,
     # minus the sums over the motion.
     motion_number = np.unique(motion, return_inverse=True)[1]
@@ -897,79 +847,4 @@ def line(
     if slopes.size > 2:
         slope_error = math.sqrt((slopes.size - 1) * float(np.var(slopes)))
     slope, r_squared = float(fit.slope), float(fit.rvalue**2)
-    return MeasureFit("", "", x.size, 0, slope, slope_error, beta, r_squared, tuple(dependences))
-
-
-def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """Return the p-value of the slope of the line of y over x, for residuals that are correlated
-    within clusters.
-
-    The variance is a sum over clusters (Liang and Zeger 1986, Biometrika 73(1)), with the factor G
-    / (G - 1) (n - 1) / (n - 2) and Student's t distribution with G - 1 degrees of freedom (Cameron
-    and Miller 2015, Journal of Human Resources 50(2)), where G is the number of clusters and n the
-    number of points. The result is nan for fewer than three clusters.
-    """
-    names, cluster_number = np.unique(cluster, return_inverse=True)
-    count, groups = x.size, names.size
-    if groups < 3:
-        return math.nan
-    # Intercept (index 0) and slope (index 1)
-    design = np.column_stack([np.ones(count), x - np.mean(x)])
-    inverse = np.linalg.inv(design.T @ design)
-    solution = inverse @ design.T @ y
-    # Clustered covariance: inverse @ (sum over clusters of s s^T) @ inverse, where s is the sum of
-    # the rows of `scores` in the cluster.
-    scores = design * (y - design @ solution)[:, np.newaxis]
-    sums = np.column_stack([np.bincount(cluster_number, column, groups) for column in scores.T])
-    variance = (
-        (inverse @ sums.T @ sums @ inverse)[1, 1]
-        * groups
-        / (groups - 1)
-        * (count - 1)
-        / (count - 2)
-    )
-    # Without any variance, the points are exactly on the line.
-    if not variance > 0.0:
-        return 0.0
-    return 2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance)))
-
-
-def _characteristics(
-    table: CsvTable, file: str | Path | None
-) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
-    """Read the characteristics of ground motions from a CSV file with a row per record; none
-    without a file.
-
-    The result contains the values for the record of each run of `table`, by the name of the
-    characteristic, and the index of the event of each run, or None if the file has no column
-    `event`. ModelError is raised if the file cannot be read or does not contain a record.
-    """
-    if file is None:
-        return {}, None
-    record_table = read_table(str(file), _NEEDS)
-    records = record_table.texts("record")
-    names = [name for name in record_table.header if name not in ("record", "component", "event")]
-    if not names:
-        raise ModelError(f"{file}: {_NEEDS}")
-    value_of_record = {
-        name: dict(zip(records, record_table.numbers(name), strict=True)) for name in names
-    }
-    records_of_runs = table.texts("record")
-    # Every record is required, because a dependence for a selection of records would be biased.
-    missing = [record for record in dict.fromkeys(records_of_runs) if record not in set(records)]
-    if missing:
-        raise ModelError(
-            f"{file}: the row of the record {missing[0]} is missing; add it, with the name of the "
-            "record in runs.csv"
-        )
-    events = None
-    if record_table.has("event"):
-        event_of_record = dict(zip(records, record_table.texts("event", empty=False), strict=True))
-        events = np.unique(
-            [event_of_record[record] for record in records_of_runs], return_inverse=True
-        )[1]
-    characteristics = {
-        name: np.array([values[record] for record in records_of_runs])
-        for name, values in value_of_record.items()
-    }
-    return characteristics, events
+    return MeasureFit("", "", x.size, 0, slope, slope_error, beta, r_squared)

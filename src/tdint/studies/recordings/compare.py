@@ -15,7 +15,7 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, RecordError, UsageError, did_you_mean
 from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal
-from tdint.ground_motion.reading.scale import differentiated
+from tdint.ground_motion.reading.scale import moved
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
 from tdint.model.building import assemble
@@ -225,9 +225,10 @@ def _base_motion(
     for signal in signals:
         acceleration = signal
         if signal.quantity != "acceleration":
-            notes[f"{signal.label}: the {signal.quantity} of the base is differentiated"] = None
-            samples = differentiated(signal.samples, signal.dt, signal.quantity)
-            acceleration = signal.with_samples(samples, "acceleration")
+            moving = moved(signal.samples, signal.dt, signal.quantity)
+            notes |= dict.fromkeys(f"{signal.label}: {text}" for text in moving.notes[:1])
+            notes |= dict.fromkeys(f"{signal.label}: {text}" for text in moving.warnings)
+            acceleration = signal.with_samples(moving.acceleration, "acceleration")
         accelerations.append(acceleration)
     mean, common_start = _mean_signal(accelerations, f"{source}: the base", notes)
     if len(signals) > 1:
@@ -458,8 +459,8 @@ class Comparison(Tabular):
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
         """Return response spectra of the computed and of the recorded absolute floor accelerations.
 
-        The spectra refer to the time window of the comparison. Displacements relative to the base
-        are differentiated twice, and the acceleration of the base is added.
+        The spectra refer to the time window of the comparison. For displacements relative to the
+        base, these are the accelerations of a spline and of the base.
 
         Parameters
         ----------
@@ -473,7 +474,7 @@ class Comparison(Tabular):
             """Return the spectrum of absolute accelerations of a floor motion, m/s^2."""
             dt = self.event.base.dt
             if floor.quantity == "displacement":
-                motion = differentiated(motion, dt, floor.quantity) + floor.base
+                motion = moved(motion, dt, floor.quantity).acceleration + floor.base
             return spectrum(
                 Record(motion, dt, "", "", "", self.event.recording.source), periods, damping
             ).sa

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from tdint.number_parsing import abbreviate, number_text
 from tdint.output import figures, report
 from tdint.output.page import Chapter, PageText, Picture, page, page_units
-from tdint.output.tables.table import Table
 from tdint.studies.recordings import comparison_tables as comparison
 from tdint.units import OutputUnits
 
@@ -41,27 +40,19 @@ def comparison_page(
     comparisons: Sequence[Comparison],
     draw: Callable[[], Figure],
     page_text: PageText,
-    fitted: Table | None,
     units: OutputUnits,
 ) -> bytes:
-    """Return the report of a comparison of computed and recorded responses.
-
-    Parameters
-    ----------
-    fitted : Table | None
-        Values that were fitted to one of the recordings.
-    """
+    """Return the report of a comparison of computed and recorded responses."""
     response, units = comparisons[0].response, page_units(units)
     integration = f"{report.method_text(response.method)}, time step {response.dt:.6g} s"
     band = comparisons[0].event.recording.band
     motions = [item.event.base for item in comparisons]
     chapters = [
-        page_text.result(comparison.comparison_table(comparisons)),
+        page_text.result(comparison.comparison_table(comparisons[0])),
         Chapter(
             "Recorded and computed",
             (Picture(draw, "Recorded and computed histories and spectra of the floors"),),
         ),
-        Chapter("Fitted", (fitted,) if fitted else ()),
         report.model_chapter(response.model, units),
         report.unscaled_motions(motions, response.model, units),
         report.assumptions(

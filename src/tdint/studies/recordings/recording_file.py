@@ -55,8 +55,8 @@ class Recording:
     text : bytes
         Content of the file, for its SHA-256.
     base : tuple of Sensor
-        Sensors at the base; the mean of their accelerations is the ground motion. Other quantities
-        are differentiated.
+        Sensors at the base; the mean of their accelerations is the ground motion. Of other
+        quantities, this is the acceleration of a spline.
     floors : tuple of (int, tuple of Sensor)
         Floors, counted from 1 at the bottom, and their sensors: absolute acceleration, or
         displacement relative to the base.
