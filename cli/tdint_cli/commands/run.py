@@ -169,10 +169,10 @@ def _run(request: Request) -> None:
         )
     request.floor_request.chosen_floors(model)
     if model.damage:
-        from tdint.response.runs.damage import divisor_and_period_of_model
+        from tdint.response.runs.damage import divisor_and_period
 
         # Invalid damage states are refused before the run.
-        divisor_and_period_of_model(model.directions[0], model.damage.demand)
+        divisor_and_period(model.directions[0], model.damage.demand)
     events = _sequence_records(request, model)
     record = None if events else _record(request, model)
     records = events or ([record] if record else [])

@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 from building_cases import model, noise, story
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
-from tdint.response.runs.damage import divisor_and_period_of_model as type_of_model
+from tdint.response.runs.damage import divisor_and_period as type_of_model
 from tdint.response.spectra.target import TargetSpectrum, read_target
 from tdint.studies.campaign.definition import AnalysisOverrides, InventoryFile
 from tdint.studies.campaign.inputs import adapted, read_rows

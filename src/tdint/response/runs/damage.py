@@ -16,11 +16,10 @@ from scipy.special import ndtr
 
 from tdint.arrays import Array
 from tdint.errors import ModelError
+from tdint.model.building import assemble
 from tdint.model.damage_states import DEMANDS, DamageStates
 from tdint.model.definition import Model
-from tdint.model.modes import solve_modes
 from tdint.model.status import DONE, FALLEN
-from tdint.model.story import Story
 from tdint.response.runs.outcome import StoryPeaks
 from tdint.response.runs.run_values import demand_cells
 
@@ -123,7 +122,7 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> RunDamage |
         return None
     # The divisor converts a peak of the run to the demand, for example a displacement to a ratio.
     (cells,) = demand_cells(stories)
-    divisor, _ = divisor_and_period_of_model(model, states.demand)
+    divisor, _ = divisor_and_period(model, states.demand)
     demand = np.array([abs(cells[DEMANDS[states.demand].quantity])]) / divisor
     return RunDamage(
         states=states,
@@ -133,33 +132,24 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> RunDamage |
     )
 
 
-def divisor_and_period_of_model(model: Model, demand: str) -> tuple[float, float]:
-    """Return the divisor and the first period (s) of a model, as `divisor_and_period` computes
-    them."""
-    return divisor_and_period(model.stories, demand, model.source or model.name)
-
-
-def divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tuple[float, float]:
+def divisor_and_period(model: Model, demand: str) -> tuple[float, float]:
     """Return the divisor that converts a peak of a run to a demand, and the first period (s).
 
     The divisor is the total height for the roof drift ratio, the participation factor of the first
-    mode for the spectral displacement, and 1 for other demands. ModelError is raised if a drift
-    ratio is required, but heights of stories are missing.
+    mode for the spectral displacement, and 1 for other demands. Period and factor are those of the
+    complete building, as `tdint modes` prints them. ModelError is raised if a drift ratio is
+    required, but heights of stories are missing.
     """
     # Other drift ratios require the height of at least one story.
-    heights = [story.height for story in stories]
+    heights = [story.height for story in model.stories]
     lacks_height = None in heights if DEMANDS[demand].per else not any(heights)
     if "ratio" in demand and lacks_height:
         raise ModelError(
-            f"{name}: damage by {demand} requires the heights of the stories; add the heights"
+            f"{model.source or model.name}: damage by {demand} requires the heights of the "
+            "stories; add the heights"
         )
-    modes = solve_modes(
-        np.array([story.mass for story in stories]),
-        np.array([story.stiffness for story in stories]),
-    )
-    divisors = {
-        "": 1.0,
-        "height": math.fsum(filter(None, heights)),
-        "participation": float(modes.participation[0]),
-    }
-    return divisors[DEMANDS[demand].per], float(2.0 * math.pi / modes.omega[0])
+    building = assemble(model)
+    divisors = {"": 1.0, "height": math.fsum(filter(None, heights))}
+    per = DEMANDS[demand].per
+    divisor = divisors[per] if per in divisors else float(building.modes().participation[0])
+    return divisor, building.first_period

@@ -16,8 +16,7 @@ from typing import NamedTuple
 from tdint.csv_table import CsvTable, number_error, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.building_rules import CAPACITY as CAPACITY_RULES
-from tdint.model.building_rules import RULES
-from tdint.model.capacity import UNIT_MASS, CapacityFacts
+from tdint.model.capacity import CapacityFacts
 from tdint.model.config import damage
 from tdint.model.damage_states import (
     CAPACITY,
@@ -30,7 +29,7 @@ from tdint.model.damage_states import (
 from tdint.model.definition import Model
 from tdint.model.keys.fields import Either, EntriesOf, Key, Keys, Section, TextLine, Value
 from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
-from tdint.response.runs.damage import divisor_and_period, divisor_and_period_of_model
+from tdint.response.runs.damage import divisor_and_period
 from tdint.studies.campaign.buildings import Buildings, RowBuilding, RowBuildings, models_of
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
@@ -393,7 +392,7 @@ def damage_of(
             facts = building.row.facts
             name = type_of(facts)
             states = types.get(name) or _states(request, classes, name, facts)
-            divisor, period = divisor_and_period_of_row(building, states.demand)
+            divisor, period = divisor_and_period(building.subject().model, states.demand)
         else:
             model = building.made.model
             name = model.name
@@ -403,26 +402,10 @@ def damage_of(
                 states = _states(request, classes, name)
             else:
                 states = _model_states(model, models)
-            divisor, period = divisor_and_period_of_model(model, states.demand)
+            divisor, period = divisor_and_period(model, states.demand)
         types[name] = states
         building_types.append(BuildingType(name, divisor, period))
     return Damage(types, building_types)
-
-
-def divisor_and_period_of_row(building: RowBuilding, demand: str) -> tuple[float, float]:
-    """Return the divisor and the first period (s) of a building of an inventory, as
-    `divisor_and_period` computes them."""
-    rules, facts = building.rules, building.row.facts
-    if rules.stiffness or rules.damping or building.row.changes:
-        return divisor_and_period_of_model(building.subject().model, demand)
-    # Without random factors and variations, the results do not depend on the size of the building:
-    # use a unit size, for which no model is required.
-    unit_size: BuildingFacts | CapacityFacts
-    if isinstance(facts, CapacityFacts):
-        unit_size = replace(facts, mass=UNIT_MASS)
-    else:
-        unit_size = replace(facts, area=1.0)
-    return divisor_and_period(RULES[rules.name](unit_size, None).stories, demand, "")
 
 
 def type_of(facts: BuildingFacts | CapacityFacts) -> str:
