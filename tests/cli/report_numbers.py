@@ -238,7 +238,7 @@ class Known:
         curve = pushover(model, 0.04)
         height = sum(story.height or 0.0 for story in model.stories)
         roof_at_maximum = float(np.sum(curve.drift_at_largest))
-        self.values += [curve.largest_base_shear, roof_at_maximum, roof_at_maximum / height]
+        self.values += [curve.largest_applied_force, roof_at_maximum, roof_at_maximum / height]
         self.values += [
             float(np.max(curve.drift[-1])),
             float(np.sum(curve.drift[-1])) / roof_target,

@@ -76,7 +76,7 @@ def test_the_summary(folder, tdint):
         "at_end", "collapse_drift", "collapse", "record", "settings", "notes", "inputs",
         "versions", "meanings", "files", "arguments", "command", "time_loops",
     ]  # fmt: skip
-    assert summary["schema"] == {"name": "tdint run", "version": 1}
+    assert summary["schema"] == {"name": "tdint run", "version": 2}
     assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # default settings
     assert summary["building"]["damping"] == {
         "type": "rayleigh",

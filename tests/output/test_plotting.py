@@ -170,20 +170,24 @@ def lines_of(results):
     yield (("law", 0, 2), law.path.drift, law.path.shear)
     for line, energy in enumerate((law.path.hysteretic_energy, law.path.strain_energy)):
         yield (("law", 1, line), np.linspace(0.0, 1.0, energy.size), energy)
-    yield (("pushover", 0, 1), pushed.roof_displacement, pushed.base_shear)
-    yield (("pushover", 0, 2), [pushed.roof_at_largest], [pushed.largest_base_shear])
+    yield (("pushover", 0, 1), pushed.roof_displacement, pushed.applied_force)
+    yield (("pushover", 0, 2), [pushed.roof_at_largest], [pushed.largest_applied_force])
     for line, made in zip((3, 5), targets, strict=True):
-        ends = [made.yield_force if made.method == "n2" else made.base_shear]
+        ends = [made.yield_force if made.method == "n2" else made.applied_force]
         corners = [0.0, made.yield_displacement, made.roof_displacement]
         yield (("target displacements", 0, line), corners, [0.0, made.yield_force, *ends])
-        yield (("target displacements", 0, line + 1), [made.roof_displacement], [made.base_shear])
+        yield (
+            ("target displacements", 0, line + 1),
+            [made.roof_displacement],
+            [made.applied_force],
+        )
     n2 = targets[0]
     inverse_participation = 1.0 / n2.participation
     yield (("target displacements", 1, 0), n2.target.sd, n2.target.psa)
     yield (
         ("target displacements", 1, 1),
         pushed.roof_displacement * inverse_participation,
-        pushed.base_shear * inverse_participation / n2.mass,
+        pushed.applied_force * inverse_participation / n2.mass,
     )
     sd = n2.spectral_acceleration * (n2.period / (2.0 * np.pi)) ** 2
     yield (("target displacements", 1, 3), [0.0, sd], [0.0, n2.spectral_acceleration])

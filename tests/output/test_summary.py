@@ -78,7 +78,7 @@ def test_the_error_of_a_maximum_includes_all_stories_that_may_govern():
         "roof_displacement_m_error": 6.0, "base_shear_N_error": 7.0,
         "total_base_shear_N_error": 6.0, "drift_m_error": 0.2, "drift_ratio_error": 0.01,
         "residual_drift_m_error": 2.5, "residual_drift_ratio_error": 0.0,
-        "ductility_error": None, "floor_absolute_acceleration_m_s2_error": None,
+        "ductility_error": None, "peak_absolute_acceleration_m_s2_error": None,
         "peak_damper_force_N_error": 0.4,
     }  # fmt: skip
     found = peak_errors(stories, errors)
@@ -100,7 +100,7 @@ def test_every_number_of_a_summary_has_a_meaning(damping):
     first = first_mode(case.building, case.record)
     summary = run_summary(run_case(case, check=True), [], 1.0, first=first, settings={"dt_s": 0.01})
     assert set(summary["meanings"]) <= set(MEANINGS)
-    assert summary["meanings"]["floor_absolute_acceleration_m_s2"]["unit"] == "m/s^2"
+    assert summary["meanings"]["peak_absolute_acceleration_m_s2"]["unit"] == "m/s^2"
     assert summary["record"]["scale"] == 3.0
     assert json.loads(json_bytes(summary))["settings"] == {"dt_s": 0.01}
 

@@ -49,16 +49,17 @@ def command(
     mass_factor: float,
     outputs: Outputs,
 ) -> None:
-    """Run a static pushover analysis: base shear over roof displacement.
+    """Run a static pushover analysis: applied force over roof displacement.
 
     The analysis is displacement-controlled: the roof displacement increases to --drift under floor
-    forces with a fixed pattern, past the maximum base shear and along descending branches; it stops
-    if the base shear falls to zero. P-delta of the model is included; dashpots and damping are not.
+    forces with a fixed pattern, past their maximum and along descending branches; it stops if the
+    forces fall to zero. P-delta of the model is included; dashpots and damping are not.
     MODEL.yaml is a model file, - is standard input. CSV, one row per step: roof displacement and
-    its ratio to the height, base shear, story drifts. With --target, one row per method and story:
-    the drift at the target displacement, by the N2 method (EN 1998-1, annex B) and by the
-    coefficient method (ASCE 41-17). Roof displacement, base shear and
-    equivalent oscillator are reported on standard error and in the JSON file next to -o.
+    its ratio to the height, base shear (restoring force of the first story), sum of the applied
+    forces, story drifts. With --target, one row per method and story: the drift at the target
+    displacement, by the N2 method (EN 1998-1, annex B) and by the coefficient method (ASCE 41-17).
+    Roof displacement, base shear and equivalent oscillator are reported on standard error and in
+    the JSON file next to -o.
     """
     from tdint.model.config.model_file import load_model
     from tdint.response.static.pushover import pushover
@@ -69,6 +70,11 @@ def command(
     loaded = replace(loaded, output_units=outputs.shown_units)
     result = pushover(loaded, drift, pattern=pattern, points=points)
     options.analysis.warn_of(loaded)
+    if loaded.has_p_delta:
+        note(
+            "since version 0.2.0, base_shear_N is the restoring force of the first story; the sum "
+            "of the applied forces, which is smaller with P-delta, is applied_force_N"
+        )
     if loaded.attachments:
         note("the pushover is without the attachments, their masses and their weights")
     units = outputs.shown_units
@@ -171,8 +177,8 @@ def _target_sentence(target: TargetDisplacement, units: OutputUnits) -> str:
         if math.isfinite(target.largest_ratio):
             factors += f", mu_max {target.largest_ratio:.3g}"
     return (
-        f"{target.method}: roof displacement {units.text(target.roof_displacement, 'm')}, base "
-        f"shear {units.text(target.base_shear, 'N')}; T {target.period:.4g} s, Sa "
+        f"{target.method}: roof displacement {units.text(target.roof_displacement, 'm')}, "
+        f"applied force {units.text(target.applied_force, 'N')}; T {target.period:.4g} s, Sa "
         f"{units.text(target.spectral_acceleration, 'm/s^2')}, mass "
         f"{units.text(target.mass, 'kg')}, idealized yield {units.text(target.yield_force, 'N')} "
         f"at {units.text(target.yield_displacement, 'm')}, strength ratio "
@@ -182,17 +188,17 @@ def _target_sentence(target: TargetDisplacement, units: OutputUnits) -> str:
 
 
 def _result_text(result: Pushover, units: OutputUnits) -> str:
-    """Return a sentence on the maximum base shear and a sentence on the last step."""
+    """Return a sentence on the maximum of the applied force and a sentence on the last step."""
     last = -1
-    text = f"{result.model.name}, {result.pattern} pattern: maximum base shear "
-    text += f"{units.text(result.largest_base_shear, 'N')} at a roof displacement of "
+    text = f"{result.model.name}, {result.pattern} pattern: maximum applied force "
+    text += f"{units.text(result.largest_applied_force, 'N')} at a roof displacement of "
     text += units.text(result.roof_at_largest, "m")
     if not math.isnan(result.height):
         text += f" ({100.0 * result.roof_at_largest / result.height:.3g} % of the height)"
     story = int(result.drift[last].argmax())
-    last_shear = result.base_shear[last]
-    shear_text = units.text(last_shear, "N") if last_shear else "0"
-    text += f".\nAt the last step: base shear {shear_text}; maximum drift "
+    last_force = result.applied_force[last]
+    force_text = units.text(last_force, "N") if last_force else "0"
+    text += f".\nAt the last step: applied force {force_text}; maximum drift "
     text += f"{units.text(result.drift[last, story], 'm')} in story {story + 1}."
     if result.ended:
         text += f" Stopped: {result.ended}."
@@ -203,8 +209,8 @@ def _result_text(result: Pushover, units: OutputUnits) -> str:
         ]
         text += (
             f"\nStory {event.story}, {event.element}: stiffness {' to '.join(stiffnesses)} at a "
-            f"drift of {units.text(event.drift, 'm')}, base shear "
-            f"{units.text(event.base_shear, 'N')}."
+            f"drift of {units.text(event.drift, 'm')}, applied force "
+            f"{units.text(event.applied_force, 'N')}."
         )
     if len(result.events) > _MAX_EVENTS:
         text += f"\n{len(result.events) - _MAX_EVENTS} further changes of stiffness of elements."

@@ -129,12 +129,9 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     """
     from tdint.model.definition import RecordSource
 
+    factor = request.scale[0] if request.scale else 1.0
     if request.record is not None:
-        return RecordSource(
-            request.record,
-            request.choice.of(request.record),
-            request.scale[0] if request.scale else 1.0,
-        )
+        return RecordSource(request.record, request.choice.of(request.record), factor)
     source, given = model.excitation.record, request.choice
     if source is None:
         specified = {
@@ -160,6 +157,5 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
         # `units` and `inventory` exclude each other: if the command line specifies one value, the
         # other value of the model does not apply.
         choice = replace(choice, units=None, inventory=None)
-    return RecordSource(
-        source.file, given.over(choice), request.scale[0] if request.scale else source.scale
-    )
+    # The factor of the model belongs to its file; a factor of the command line multiplies it.
+    return RecordSource(source.file, given.over(choice), source.scale * factor)

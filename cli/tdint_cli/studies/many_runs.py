@@ -9,6 +9,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.model.config.model_file import load_model
 from tdint.model.config.record_files import RecordFiles
+from tdint.model.definition import Model
 from tdint.response.arguments import model_record
 from tdint.response.runs.settings import settings_from
 from tdint.studies.campaign.assigned_motions import CampaignMotions, FactorTable, Scales
@@ -50,20 +51,24 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     model = load_model(request.model)
     # The runs are a campaign with a single building, but without a campaign file.
     factors = request.factors
+    own = (
+        None if records or factors is not None else with_motion(model, replace(request, scale=None))
+    )
+    own_factor = own.excitation.record.scale if own and own.excitation.record else 1.0
+    scales = tuple(own_factor * factor for factor in request.scale or (1.0,))
     campaign = CampaignFile(
         name=model.name,
         source=model.source,
         records=RecordFiles(records, request.choice),
-        intensity=Scales(request.scale or (1.0,)) if factors is None else FactorTable(factors, {}),
+        intensity=Scales(scales) if factors is None else FactorTable(factors, {}),
         analysis=AnalysisOverrides(request.method),
         settings=settings_from(request, CampaignSettings, profiles=True, check=bool(request.check)),
         pair_demand=request.pair_demand,
     )
-    if records or factors is not None:
+    if own is None:
         inputs = read_inputs(campaign, (model,))
     else:
-        # Use the unscaled record of the model: --scale defines the levels.
-        record = model_record(with_motion(model, replace(request, scale=(1.0,))))
+        record = model_record(_unscaled(own))
         if record is None:
             raise UsageError("--scale requires a record, and the model has no record: add RECORD")
         inputs = Inputs((model,), motions=CampaignMotions(suite_motions([record])))
@@ -72,3 +77,11 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     # With a directory the runs are a campaign that can be resumed; otherwise the store is in
     # memory.
     execute_campaign(plan, engine, request, show=True)
+
+
+def _unscaled(model: Model) -> Model:
+    """Return a model whose record has the factor 1 in all directions: the levels contain it."""
+    source = model.excitation.record
+    excitation = replace(model.excitation, record=source and replace(source, scale=1.0))
+    across = model.across and _unscaled(model.across)
+    return replace(model, excitation=excitation, across=across)

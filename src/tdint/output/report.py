@@ -18,7 +18,6 @@ from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.origin import matched_clause
 from tdint.ground_motion.record import Record
-from tdint.kernels import layout
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
@@ -416,12 +415,9 @@ def _pushover_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
         pushed = pushover(model, f"{stories.peak_displacement[-1]:.6g}m")
     except (UsageError, AnalysisError):
         return ()
-    stiffness = float(assemble(model).linear_terms[layout.GEOMETRIC, 0])
     return (
         Picture(
-            lambda: figures.static_curves.run_and_pushover_picture(
-                history, pushed, stiffness, units
-            ),
+            lambda: figures.static_curves.run_and_pushover_picture(history, pushed, units),
             "Base shear over roof drift, without dashpots: run and pushover",
         ),
     )

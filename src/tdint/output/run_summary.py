@@ -272,7 +272,7 @@ def _peaks_of(response: Response) -> dict[str, float | int | None]:
     result = peaks(response.stories)
     if not response.model.rows:
         return result
-    kept = ("peak_base_shear", "peak_total_base_shear")
+    kept = ("base_shear", "total_base_shear")
     return {key: value for key, value in result.items() if key.startswith(kept)}
 
 

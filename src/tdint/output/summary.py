@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
 
 _LINE = 160  # maximum characters of a JSON line, indentation excluded
-_SCHEMA = 1  # version of the layout; increased when a key is removed or changes its meaning
+_SCHEMA = 2  # version of the layout; increased when a key is removed or changes its meaning
 
 _FLAT_PART = re.compile(r'[\[{]\n(?:[^\[\]{}"]|"(?:[^"\\]|\\.)*")*[\]}]')
 """List or object of indented JSON without nested parts. Strings are matched as a whole, because

@@ -76,7 +76,7 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
         "floor", "period_s", "computed_sa_m_s2", "recorded_sa_m_s2",
     ]  # fmt: skip
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["schema"] == {"name": "tdint compare", "version": 1}
+    assert summary["schema"] == {"name": "tdint compare", "version": 2}
     assert summary["events"][0]["floors"][1]["correlation"] == pytest.approx(
         float(roof["correlation"])
     )

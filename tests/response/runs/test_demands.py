@@ -53,7 +53,7 @@ def expected_demands(run):
             [value / height for value, height in zip(residual, HEIGHT, strict=True)]
         ),
         "ductility": largest(values_of_run["ductility"]),
-        "acceleration": largest(values_of_run["peak_absolute_acceleration"]),
+        "peak_absolute_acceleration": largest(values_of_run["peak_absolute_acceleration"]),
     }
 
 

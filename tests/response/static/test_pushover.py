@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tdint
 from building_cases import Law, model, story
 from tdint import load_model
 from tdint.errors import UsageError
 from tdint.kernels import layout as rows
 from tdint.model.building import assemble
+from tdint.response.spectra.modal import response_spectrum_analysis
 from tdint.response.static.cyclic import follow_path
 from tdint.response.static.pushover import PATTERNS, _Story, _target, pushover
 from tdint.units import STANDARD_GRAVITY, parse_drift
@@ -36,7 +38,7 @@ def test_pushover_of_linear_building(pattern):
     share = np.cumsum(forces[::-1])[::-1]
     assert result.forces == pytest.approx(forces, rel=1e-12)
     assert result.roof_displacement == pytest.approx(0.09 * np.arange(6) / 5, rel=1e-10)
-    assert result.base_shear == pytest.approx(
+    assert result.applied_force == pytest.approx(
         result.roof_displacement / np.sum(share / k), rel=1e-9
     )
     assert result.roof_drift_ratio[-1] == pytest.approx(0.01, rel=1e-10)
@@ -53,7 +55,7 @@ def test_pushover_of_one_story_is_its_backbone_curve():
     backbone = np.minimum(np.minimum(x, 1.0 + 0.025 * (x - 1.0)), np.maximum(fall, 0.1))
     expected = backbone - 0.01 * x
     assert result.ended == "no remaining lateral resistance"
-    assert result.base_shear == pytest.approx(expected[: x.size], abs=1e-9)
+    assert result.applied_force == pytest.approx(expected[: x.size], abs=1e-9)
     assert x[-1] == pytest.approx(
         (1.1 + 5.0 * 1.1 / 8.0) / (1.1 / 8.0 + 0.01), rel=1e-9
     )  # fall is 0.01 x
@@ -61,13 +63,13 @@ def test_pushover_of_one_story_is_its_backbone_curve():
 
 
 @pytest.mark.parametrize("points", [7, 10, 23])
-def test_maximum_base_shear_does_not_depend_on_rows(points):
+def test_maximum_applied_force_does_not_depend_on_rows(points):
     """The maximum is 1.1 at the capping drift 5 for all numbers of rows."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 4.0)])
     result = pushover(case, parse_drift("12m"), points=points)
-    assert result.largest_base_shear == pytest.approx(1.1, rel=1e-9)
+    assert result.largest_applied_force == pytest.approx(1.1, rel=1e-9)
     assert result.drift_at_largest == pytest.approx([5.0, 1.1 * result.forces[1] / 4.0], rel=1e-9)
-    assert np.max(result.base_shear) <= result.largest_base_shear
+    assert np.max(result.applied_force) <= result.largest_applied_force
 
 
 @pytest.mark.long
@@ -85,9 +87,9 @@ def test_decreasing_roof_displacement_is_followed():
     assert back.size > 10
     assert np.all(result.roof_displacement >= 0.0)
     falling = result.drift[:, 0] >= 5.0
-    assert result.drift[:, 1] == pytest.approx(10.0 * result.base_shear, rel=1e-9, abs=1e-9)
+    assert result.drift[:, 1] == pytest.approx(10.0 * result.applied_force, rel=1e-9, abs=1e-9)
     on_the_fall = np.maximum(1.1 - 1.1 / 8.0 * (result.drift[falling, 0] - 5.0), 0.1)
-    assert result.base_shear[falling] == pytest.approx(on_the_fall, abs=1e-9)
+    assert result.applied_force[falling] == pytest.approx(on_the_fall, abs=1e-9)
 
 
 @pytest.mark.long
@@ -115,8 +117,8 @@ def test_failed_story_ends_pushover():
     assert result.ended == "no remaining lateral resistance"
     assert result.drift[-1, 0] == pytest.approx(0.2, abs=0.005)
     assert result.drift[-1, 1] == pytest.approx(0.0, abs=1e-12)
-    assert result.base_shear[-1] == pytest.approx(0.0, abs=1e-10)
-    assert np.all(result.base_shear[1:-1] > 0.0)  # only the last row has no strength
+    assert result.applied_force[-1] == pytest.approx(0.0, abs=1e-10)
+    assert np.all(result.applied_force[1:-1] > 0.0)  # only the last row has no strength
 
 
 CASES = {
@@ -147,11 +149,11 @@ def test_story_shears_are_in_equilibrium_in_every_row(name):
         path = follow_path(building, i + 1, result.drift[:, i].copy())
         carried = path.shear + building.linear_terms[rows.GEOMETRIC, i] * path.drift
         assert carried == pytest.approx(
-            share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear)
+            share[i] * result.applied_force, abs=2e-5 * np.max(result.applied_force)
         )
     goals = np.arange(13) / 12 * _target(parse_drift(drift), building)
     # a curve that ends without strength stops before the target
-    table_rows = result.base_shear.size - bool(result.ended)
+    table_rows = result.applied_force.size - bool(result.ended)
     assert result.roof_displacement[:table_rows] == pytest.approx(goals[:table_rows], rel=1e-8)
 
 
@@ -201,7 +203,7 @@ def test_pattern_of_numbers():
         for pattern in ("uniform", "30,20,10")
     )
     assert numbers.forces == pytest.approx(uniform.forces, rel=1e-12)
-    assert numbers.base_shear == pytest.approx(uniform.base_shear, rel=1e-12)
+    assert numbers.applied_force == pytest.approx(uniform.applied_force, rel=1e-12)
     for pattern, message in (
         ("1,2", "a force for each of the 3 floors, got 2"),
         ("1,2,0", "positive at the roof"),
@@ -210,3 +212,30 @@ def test_pattern_of_numbers():
     ):
         with pytest.raises(UsageError, match=message):
             pushover(case, parse_drift("1%"), pattern=pattern)
+
+
+def test_base_shear_is_the_restoring_force_and_exceeds_the_applied_force_by_p_delta():
+    """Applied force (k - P/h) d and restoring force k d of one story, in the curve, in events and
+    in the response spectrum analysis."""
+    stiffness, weight_over_height = 2e6, 1e5 * 9.80665 / 3.0
+    law = {"type": "bilinear", "yield_force": 4e4, "hardening": 0.1}
+    story = {"mass": 1e5, "height": 3.0, "stiffness": stiffness}
+    building = {"stories": [story], "p_delta": True}
+    pushed = tdint.pushover(building, "1%")
+    np.testing.assert_allclose(pushed.base_shear, stiffness * pushed.drift[:, 0], rtol=1e-12)
+    applied = (stiffness - weight_over_height) * pushed.drift[:, 0]
+    np.testing.assert_allclose(pushed.applied_force, applied, rtol=1e-9, atol=1e-6)
+    elements = [
+        {"name": "a", "type": "linear", "stiffness": 1e6},
+        {"name": "b", "stiffness": 1e6, **law},
+    ]
+    both = {"stories": [{"mass": 1e5, "height": 3.0, "elements": elements}], "p_delta": True}
+    (event,) = tdint.pushover(both, "3%").events
+    assert (event.base_shear, event.drift) == pytest.approx((8e4, 0.04), rel=1e-4)
+    assert event.applied_force == pytest.approx(8e4 - weight_over_height * 0.04, rel=1e-4)
+    modal = response_spectrum_analysis(building, "asce7:sds=0.5,sd1=0.3,tl=8")
+    restoring = stiffness * modal.drift_cqc[0]
+    assert (modal.base_shear[0], modal.shear_cqc[0]) == pytest.approx((restoring,) * 2, rel=1e-9)
+    assert modal.applied_force[0] == pytest.approx(
+        restoring - weight_over_height * modal.drift_cqc[0], rel=1e-9
+    )

@@ -214,9 +214,9 @@ def test_idealized_curves_balance_areas():
 
     roof = partial(closed_form, strengths, stiffness, hardening, share)
     n2, target = target_displacements(pushed, EC8)
-    for result, end in ((n2, n2.yield_force), (target, target.base_shear)):
-        assert roof(result.base_shear) == pytest.approx(result.roof_displacement, rel=1e-7)
-        corners = np.array([0.0, *sorted(strengths / share), result.base_shear])
+    for result, end in ((n2, n2.yield_force), (target, target.applied_force)):
+        assert roof(result.applied_force) == pytest.approx(result.roof_displacement, rel=1e-7)
+        corners = np.array([0.0, *sorted(strengths / share), result.applied_force])
         work = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
         lines = result.yield_force * result.yield_displacement / 2.0
         lines += (
@@ -272,13 +272,13 @@ def test_coefficient_method_of_hardening_buildings(seed):
 
     roof = partial(closed_form, strengths, stiffness, hardening, share)
     corners = np.array([0.0, *sorted(strengths / share)])
-    corners = np.append(corners[corners < target.base_shear], target.base_shear)
+    corners = np.append(corners[corners < target.applied_force], target.applied_force)
     area = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
-    tried = np.linspace(1e-3, 1.0, 100_001) * target.base_shear
+    tried = np.linspace(1e-3, 1.0, 100_001) * target.applied_force
     end = target.roof_displacement
-    excess = (tried * end + target.base_shear * (end - roof(0.6 * tried) / 0.6)) / 2.0 - area
+    excess = (tried * end + target.applied_force * (end - roof(0.6 * tried) / 0.6)) / 2.0 - area
     crossed = np.flatnonzero((excess[:-1] < 0.0) & (excess[1:] >= 0.0))
-    if target.strength_ratio <= 1.0 and end < corners[1] / target.base_shear * end:
+    if target.strength_ratio <= 1.0 and end < corners[1] / target.applied_force * end:
         return
     i = crossed[0]
     balanced = tried[i] - excess[i] * (tried[i + 1] - tried[i]) / (excess[i + 1] - excess[i])
@@ -308,7 +308,7 @@ def test_short_curve_does_not_satisfy_ec8(tmp_path):
     )  # the strength is zero at 3 m times 0.1 = 0.3 m
     pushed, short = pushover(case, "0.31m", points=POINTS), pushover(case, "0.22m", points=POINTS)
     assert pushed.ended == "no remaining lateral resistance"
-    assert pushed.base_shear[-1] == 0.0
+    assert pushed.applied_force[-1] == 0.0
     target = flat(tmp_path, 0.33)
     (note,) = target_displacements(pushed, target)[0].notes
     assert "1.5 are required (EN 1998-1, 4.3.3.4.2.3) and cannot be met" in note

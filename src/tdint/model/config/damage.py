@@ -18,6 +18,10 @@ _THRESHOLD_UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "1
 """Quantity of a threshold and an example for messages, by the SI unit of the demand."""
 
 
+_COLUMN_NAME = "peak_absolute_acceleration"
+"""Name of the demand `acceleration` in tables, which is accepted also."""
+
+
 def by_state(value_type: fields.ValueType) -> fields.NamedEntries:
     """Return the type of a mapping from damage states, from the lightest, to values."""
     return fields.NamedEntries(value_type, _STATE_NAME)
@@ -27,7 +31,7 @@ THRESHOLDS = by_state(fields.Either((fields.DRIFT_BOUNDS, fields.TextLine())))
 DAMAGE = fields.Keys(
     keys(
         "damage",
-        demand=fields.Choice(tuple(DEMANDS), "demand"),
+        demand=fields.Choice((*DEMANDS, _COLUMN_NAME), "demand"),
         thresholds=THRESHOLDS,
         dispersion=fields.Bounds(0.0, 3.0),
         losses=by_state(LOSS),
@@ -43,7 +47,9 @@ def read_damage(value: fields.Value) -> DamageStates | None:
     thresholds = section.need("thresholds", "give the demand of each state") if section else None
     if section is None or thresholds is None:
         return None
-    return read_damage_states(section, section.read("demand", "drift_ratio") or "", thresholds)
+    demand = section.read("demand", "drift_ratio") or ""
+    demand = "acceleration" if demand == _COLUMN_NAME else demand
+    return read_damage_states(section, demand, thresholds)
 
 
 def read_damage_states(

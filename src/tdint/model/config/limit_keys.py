@@ -57,7 +57,10 @@ _LIMIT_TYPES: dict[str, fields.ValueType] = {
     LINK_DEFORMATION: _by_story(_LENGTH, _NAMES),
     LINK_FORCE: _by_story(fields.POSITIVE, _NAMES),
 }
-_QUANTITIES = fields.Keys(keys("limits", **_LIMIT_TYPES))
+_COLUMN_NAMES = {ACCELERATION: "peak_absolute_acceleration"}
+"""Name of a quantity in tables, by its key, which is accepted also."""
+_KEY_TYPES = _LIMIT_TYPES | {name: _LIMIT_TYPES[key] for key, name in _COLUMN_NAMES.items()}
+_QUANTITIES = fields.Keys(keys("limits", **_KEY_TYPES))
 LIMITS = fields.Keys(
     (*_QUANTITIES.declared, *keys("levels", levels=fields.NamedEntries(_QUANTITIES, least=1)))
 )
@@ -116,8 +119,11 @@ def _read_level(
     `level` is empty for limits without a level.
     """
     limits = []
-    for quantity in _QUANTITIES:
-        if entry := section.get(quantity):
+    for quantity in _LIMIT_TYPES:
+        named = section.get(_COLUMN_NAMES.get(quantity, ""))
+        if named and section.get(quantity):
+            named.fault(f"is {quantity}, which has a value; give one of them")
+        if entry := section.get(quantity) or named:
             values = (
                 _read_named_values(entry, quantity, unit, names[quantity])
                 if quantity in names

@@ -136,7 +136,7 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
     )
     draw_curve(curve, result, units)
     drifts = [
-        (result.drift_at_largest, DASHES[1], COLORS[0], "at the maximum base shear"),
+        (result.drift_at_largest, DASHES[1], COLORS[0], "at the maximum applied force"),
         (result.drift[-1], DASHES[0], COLORS[0], "at the end"),
     ]
     _draw_profile(profile, result, units, drifts)
@@ -144,47 +144,44 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
 
 
 def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
-    """Plot the base shear over the roof displacement of a pushover, and mark the maximum.
+    """Plot the applied force over the roof displacement of a pushover, and mark the maximum.
 
     Parameters
     ----------
     axes : Axes
         The panel. If the model has heights, an axis of the roof drift ratio is added on top.
     """
-    factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
-    roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
+    factor, unit = scaled_unit(float(np.max(np.abs(result.applied_force))), "N", units)
+    roof, shear = units.of(result.roof_displacement, "m"), result.applied_force * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(roof, shear, color=COLORS[0])
     roof_at_maximum = units.of(result.roof_at_largest, "m")
-    maximum = result.largest_base_shear * factor
+    maximum = result.largest_applied_force * factor
     axes.plot(
         roof_at_maximum,
         maximum,
         "o",
         color=COLORS[0],
-        label=f"maximum base shear {maximum:.4g} {unit}",
+        label=f"maximum applied force {maximum:.4g} {unit}",
     )
     axes.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     axes.set(
         xlim=(0.0, np.max(roof)),
         xlabel=f"roof displacement ({units.label('m')})",
-        ylabel=f"base shear ({unit})",
+        ylabel=f"applied force ({unit})",
     )
     add_ratio_axis(axes, units.of(result.height, "m"), "roof drift ratio (%)")
 
 
-def run_and_pushover_picture(
-    history: History, pushed: Pushover, geometric_stiffness: float, units: OutputUnits = SI
-) -> Figure:
+def run_and_pushover_picture(history: History, pushed: Pushover, units: OutputUnits = SI) -> Figure:
     """Plot the base shear of a run over the roof drift, with the pushover curve of the building.
 
-    Both base shears are restoring forces of the first story with P-delta (`geometric_stiffness`,
-    N/m, negative or 0) and without dashpots.
+    Both base shears are restoring forces of the first story.
     """
     units = units.in_figures
     figure = Figure(figsize=(7.0, 2.6), layout="constrained")
     axes = figure.subplots()
-    shear = history.shear[:, 0] + geometric_stiffness * history.drift[:, 0]
+    shear = history.shear[:, 0]
     roof, height = history.displacement[:, -1], pushed.height
     scale, label = 1.0 / units.unit("m")[1], f"roof displacement ({units.label('m')})"
     if not math.isnan(height):
@@ -223,19 +220,19 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
         figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
     )
     draw_curve(curve, pushed, units)
-    factor, _ = scaled_unit(float(np.max(np.abs(pushed.base_shear))), "N", units)
+    factor, _ = scaled_unit(float(np.max(np.abs(pushed.applied_force))), "N", units)
     for i, result in enumerate(results):
         plot_style = line_style(i + 1) | {"label": result.method}
         corners = [0.0, result.yield_displacement, result.roof_displacement]
         # The idealized curve of the N2 method is horizontal after yield.
-        end_force = result.yield_force if result.method == "n2" else result.base_shear
+        end_force = result.yield_force if result.method == "n2" else result.applied_force
         shears = np.array([0.0, result.yield_force, end_force]) * factor
         # An idealized curve without yielding before the target is a single line.
         count = 3 if result.roof_displacement > result.yield_displacement else 2
         curve.plot(units.of(np.array(corners[:count]), "m"), shears[:count], **plot_style)
         curve.plot(
             units.of(result.roof_displacement, "m"),
-            result.base_shear * factor,
+            result.applied_force * factor,
             MARKERS[i],
             color=COLORS[i + 1],
         )
@@ -260,12 +257,12 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
     displacement.
 
     The displacement of the oscillator is the roof displacement divided by the participation factor.
-    Its acceleration is the base shear divided by the participation factor and by its mass. A dashed
-    line from the origin with the period T* leads to the elastic demand.
+    Its acceleration is the applied force divided by the participation factor and by its mass. A
+    dashed line from the origin with the period T* leads to the elastic demand.
     """
     target, pushed = result.target, result.pushed
     displacement = pushed.roof_displacement / result.participation
-    acceleration = pushed.base_shear / result.participation / result.mass
+    acceleration = pushed.applied_force / result.participation / result.mass
     axes.plot(
         units.of(target.sd, "m"), units.of(target.psa, "m/s^2"), color=LIGHT, label="elastic demand"
     )

@@ -76,10 +76,11 @@ def pushover(stories: int) -> tuple[Column, ...]:
     """Return the columns of the table of a pushover analysis, with a column for the drift of each
     story. `stories` is the number of stories."""
     return (
-        Column("step", "1", numbered("base_shear", 0), "load step; 0 is the undeformed state"),
+        Column("step", "1", numbered("applied_force", 0), "load step; 0 is the undeformed state"),
         Column.named("roof_displacement", "roof displacement relative to the ground", "m"),
         Column.named("roof_drift_ratio", "roof displacement divided by the height of the building"),
-        Column.named("base_shear", "base shear: sum of the forces on the floors", "N"),
+        Column.named("base_shear", "base shear: restoring force of the first story", "N"),
+        Column.named("applied_force", "sum of the forces on the floors", "N"),
         *(
             Column(
                 f"story_{i + 1}_drift_m",

@@ -188,15 +188,9 @@ class Demands(Generic[MaximumT]):
         MaximumT,
         Demand("1", "largest drift over drift at first yield", story_attribute="ductility"),
     ]
-    acceleration: Annotated[
+    peak_absolute_acceleration: Annotated[
         MaximumT,
-        Demand(
-            "m/s^2",
-            "largest absolute acceleration of a floor",
-            story_attribute="peak_absolute_acceleration",
-            called="floor_absolute_acceleration",
-            location="floor",
-        ),
+        Demand("m/s^2", "largest absolute acceleration of a floor", location="floor"),
     ]
 
 

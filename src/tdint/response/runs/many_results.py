@@ -225,7 +225,8 @@ class Runs(Tabular):
         ----------
         percentiles : sequence of float
             Percentiles from 0 to 100; by default the median and the fractiles at one standard
-            deviation. They are interpolated linearly between the sorted values.
+            deviation. They are interpolated between the logarithms of the sorted values, linearly
+            if the lower value is not positive, as all fractiles of studies (`tdint.fractiles`).
 
         Returns
         -------

@@ -17,6 +17,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import ModelError, UsageError
+from tdint.kernels import layout as rows
 from tdint.model.building import assemble
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, model_of
@@ -48,13 +49,14 @@ class ModalResponse(Tabular):
     rigid, left_out : int
         Number of modes with periods below the shortest period of the target, if the target has a
         value at period 0 (`rigid`) or has no such value (`left_out`).
-    base_shear : ndarray, shape (n,)
-        Base shear of each mode, N.
+    base_shear, applied_force : ndarray, shape (n,)
+        Restoring force of the first story and sum of the forces on the floors of each mode, N. They
+        differ by P-delta.
     drift_srss, drift_cqc : ndarray, shape (n,)
         Story drifts, m, combined by the square root of the sum of squares (SRSS) or by the complete
         quadratic combination (CQC).
     shear_srss, shear_cqc : ndarray, shape (n,)
-        Story shears, N, which are the sums of the forces on the floors above.
+        Story shears (restoring forces), N: the sums of the forces on the floors above, and P-delta.
     displacement_srss, displacement_cqc : ndarray, shape (n,)
         Floor displacements relative to the ground, m.
     force_cqc, acceleration_cqc : ndarray, shape (n,)
@@ -72,6 +74,7 @@ class ModalResponse(Tabular):
     rigid: int
     left_out: int
     base_shear: Array
+    applied_force: Array
     drift_srss: Array
     drift_cqc: Array
     shear_srss: Array
@@ -148,10 +151,14 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (inertia * (factor * acceleration)).T
     floors = slice(building.floors)  # without the rotations of floors
-    # A shear is the sum of the forces above, from the roof down.
+    # The force on a story is the sum of the forces above, from the roof down. The restoring force
+    # also resists P-delta.
+    applied = np.cumsum(forces[:, floors][:, ::-1], axis=1)[:, ::-1]
+    drift = building.drifts(displacement)[:, floors]
+    geometric = building.linear_terms[rows.GEOMETRIC, :-1][floors]
     peaks = {
-        "drift": building.drifts(displacement)[:, floors],
-        "shear": np.cumsum(forces[:, floors][:, ::-1], axis=1)[:, ::-1],
+        "drift": drift,
+        "shear": applied - geometric * drift,
         "displacement": displacement[:, floors],
         "force": forces[:, floors],
         # A floor of a matrix can have no mass.
@@ -159,9 +166,9 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         if system is None
         else (modes.shapes * (factor * acceleration)).T[:, floors],
     }
-    # The overturning moment at the base of a story is the sum of shear times height over this story
+    # The overturning moment at the base of a story is the sum of force times height over this story
     # and the stories above. Bearings do not contribute, because they have no height.
-    contributions = peaks["shear"] * building.height_contributions
+    contributions = applied * building.height_contributions
     turning = [i for i, story in enumerate(model.stories) if story.rotary_inertia]
     contributions[:, turning] += forces[:, building.floors :]
     peaks["moment"] = np.cumsum(contributions[:, ::-1], axis=1)[:, ::-1]
@@ -181,7 +188,16 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     rigid, left_out = (count, 0) if demand.zero is not None else (0, count)
     ratios, base = modes.mass_ratio, peaks["shear"][:, 0]
     return ModalResponse(
-        model, demand, period, acceleration, ratios, rigid, left_out, base, **combined
+        model,
+        demand,
+        period,
+        acceleration,
+        ratios,
+        rigid,
+        left_out,
+        base,
+        applied[:, 0],
+        **combined,
     )
 
 

@@ -1,6 +1,6 @@
 """Pushover of a building.
 
-A pushover computes the base shear of a building that is pushed slowly, over its roof displacement.
+A pushover computes the force that pushes a building slowly, over its roof displacement.
 The forces on the floors have a constant pattern and a common factor. In a chain, this factor
 determines the shears of all stories. The analysis is therefore controlled by the drift of the
 softest story at the time. Each other story has the drift where it resists its share of the shear:
@@ -61,7 +61,7 @@ _SNAP_BACK = 1e-9
 
 
 Excess = Callable[[Array, float], float]
-"""Function of the story drifts (m) and the base shear (N) of a state. It returns the excess of a
+"""Function of the story drifts (m) and the applied force (N) of a state. It returns the excess of a
 quantity, such as the roof displacement, over a required value, relative to this value."""
 
 
@@ -75,8 +75,9 @@ class ElementEvent:
         Number of the story, from 1.
     element, law : str
         Name of the element and of its law.
-    roof_displacement, base_shear : float
-        Roof displacement, m, and base shear, N, of the state.
+    roof_displacement, base_shear, applied_force : float
+        Roof displacement, m, restoring force of the first story and sum of the applied forces, N,
+        of the state.
     stiffness_before, stiffness_after : float
         Tangent stiffness of the element, N/m. For a curved law, which has no kinks, they are the
         tangents of the states before and after the yield drift.
@@ -88,6 +89,7 @@ class ElementEvent:
     drift: float
     roof_displacement: float
     base_shear: float
+    applied_force: float
     stiffness_before: float
     stiffness_after: float
 
@@ -106,12 +108,14 @@ class Pushover(Tabular):
         Pattern, with the sum 1.
     drift : ndarray, shape (rows, n)
         Drifts of the stories, m.
-    base_shear : ndarray, shape (rows,)
-        Sum of the forces, N.
-    largest_base_shear : float
-        Maximum base shear of the complete path, including states between the rows, N.
+    applied_force : ndarray, shape (rows,)
+        Sum of the forces on the floors, N.
+    geometric_stiffness : float
+        Geometric stiffness of the first story (P-delta), N/m, negative or 0.
+    largest_applied_force : float
+        Maximum applied force of the complete path, including states between the rows, N.
     drift_at_largest : ndarray, shape (n,)
-        Drifts of the stories at the maximum base shear, m.
+        Drifts of the stories at the maximum applied force, m.
     ended : str
         Reason why the path ends before the requested displacement; empty if it does not.
     way : tuple of ndarray
@@ -125,8 +129,9 @@ class Pushover(Tabular):
     pattern: str
     forces: Array
     drift: Array
-    base_shear: Array
-    largest_base_shear: float
+    applied_force: Array
+    geometric_stiffness: float
+    largest_applied_force: float
     drift_at_largest: Array
     ended: str
     way: tuple[Array, Array]
@@ -134,9 +139,15 @@ class Pushover(Tabular):
 
     def _headline(self) -> str:
         return (
-            f"of {self.model.name!r}, {self.pattern} pattern, largest base shear "
-            f"{self.largest_base_shear:.4g} N"
+            f"of {self.model.name!r}, {self.pattern} pattern, largest applied force "
+            f"{self.largest_applied_force:.4g} N"
         )
+
+    @property
+    def base_shear(self) -> Array:
+        """Base shear, the restoring force of the first story, N, shape (rows,). It exceeds the
+        applied force by the force of P-delta."""
+        return np.asarray(self.applied_force - self.geometric_stiffness * self.drift[:, 0])
 
     @property
     def roof_displacement(self) -> Array:
@@ -159,7 +170,7 @@ class Pushover(Tabular):
 
     @property
     def roof_at_largest(self) -> float:
-        """Roof displacement at the maximum base shear, m."""
+        """Roof displacement at the maximum applied force, m."""
         return float(self.drift_at_largest.sum())
 
 
@@ -230,13 +241,13 @@ def pushover(
     points : int
         Number of rows after the start, at equal steps of the roof displacement; default 200. If the
         roof displacement decreases, rows are added at equal steps of the summed changes of all
-        story drifts. The rows end if the base shear has decreased to zero, where the building would
-        collapse without forces, or if no equilibrium is found (`ended`).
+        story drifts. The rows end if the applied force has decreased to zero, where the building
+        would collapse without forces, or if no equilibrium is found (`ended`).
 
     Returns
     -------
     Pushover
-        Roof displacement, base shear, and drifts and shears of the stories at each step.
+        Roof displacement, applied force, and drifts and shears of the stories at each step.
 
     Raises
     ------
@@ -262,14 +273,14 @@ def pushover(
     forces /= forces.sum()
     chain = _Chain(building, forces)
     # The first row is the initial state.
-    drift_rows, base_shears, ended = [np.zeros(building.stories)], [0.0], ""
+    drift_rows, applied_forces, ended = [np.zeros(building.stories)], [0.0], ""
     reached_points = 0  # number of the requested points that the roof displacement has reached
     while reached_points < points and not ended:
         ended = chain.push(target * (reached_points + 1) / points, target / points)
         # If the path ends between two rows, its last state is the last row.
         if not np.array_equal(chain.drift, drift_rows[-1]):
             drift_rows.append(chain.drift.copy())
-            base_shears.append(chain.base_shear)
+            applied_forces.append(chain.applied_force)
         reached_points = max(reached_points, math.floor(chain.drift.sum() / target * points + 1e-6))
         if not ended and len(drift_rows) > _MAX_ROWS_PER_POINT * points:
             ended = "the roof displacement decreases and does not reach the target"
@@ -280,7 +291,8 @@ def pushover(
         pattern,
         forces,
         np.array(drift_rows),
-        np.array(base_shears),
+        np.array(applied_forces),
+        float(building.linear_terms[rows.GEOMETRIC, 0]),
         *chain.largest,
         ended,
         chain.path,
@@ -289,7 +301,7 @@ def pushover(
 
 
 def _element_events(
-    model: Model, building: Building, drifts: Array, base_shears: Array
+    model: Model, building: Building, drifts: Array, applied_forces: Array
 ) -> tuple[ElementEvent, ...]:
     """Return the changes of stiffness of all elements along the states of a pushover.
 
@@ -297,6 +309,7 @@ def _element_events(
     both branches. A curved law has an event at its yield drift.
     """
     roofs = drifts.sum(axis=1)
+    base_shears = applied_forces - building.linear_terms[rows.GEOMETRIC, 0] * drifts[:, 0]
     found: list[tuple[float, ElementEvent]] = []
     columns = law_columns(model.stories)
     for i, story in enumerate(model.stories):
@@ -321,15 +334,18 @@ def _element_events(
                     excess = path.shear[k + 1] - path.shear[k] - tangents[k + 1] * step
                     distance = excess / (tangents[k] - tangents[k + 1])
                 fraction = min(max(distance / step, 0.0), 1.0) if step else 1.0
+                drift, roof, shear, applied = (
+                    float(values[k] + fraction * (values[k + 1] - values[k]))
+                    for values in (path.drift, roofs, base_shears, applied_forces)
+                )
                 event = ElementEvent(
                     story=i + 1,
                     element=element.name,
                     law=element.law.name,
-                    drift=float(path.drift[k] + fraction * step),
-                    roof_displacement=float(roofs[k] + fraction * (roofs[k + 1] - roofs[k])),
-                    base_shear=float(
-                        base_shears[k] + fraction * (base_shears[k + 1] - base_shears[k])
-                    ),
+                    drift=drift,
+                    roof_displacement=roof,
+                    base_shear=shear,
+                    applied_force=applied,
                     stiffness_before=float(tangents[k]),
                     stiffness_after=float(tangents[k + 1]),
                 )
@@ -365,9 +381,9 @@ class _Chain:
     Attributes
     ----------
     shear_fraction : ndarray, shape (n,)
-        Shear of each story over the base shear; it follows from the pattern of forces.
+        Shear of each story over the applied force; it follows from the pattern of forces.
     largest : tuple of (float, ndarray)
-        Maximum base shear of the path up to now, N, and the drifts at this base shear.
+        Maximum applied force of the path up to now, N, and the drifts at this applied force.
     """
 
     def __init__(self, building: Building, forces: Array) -> None:
@@ -375,17 +391,17 @@ class _Chain:
         self.shear_fraction = np.cumsum(forces[::-1])[::-1]
         self.stories = [_Story(building, i) for i in range(building.stories)]
         self.drift = np.zeros(building.stories)
-        self.base_shear = 0.0
+        self.applied_force = 0.0
         self.maximum_roof_displacement = 0.0
-        # The path starts at rest. The states of the path are (drifts, base shear).
+        # The path starts at rest. The states of the path are (drifts, applied force).
         self.largest = (0.0, self.drift)
         self._states = [(self.drift, 0.0)]
 
     @property
     def path(self) -> tuple[Array, Array]:
-        """Completed path: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
+        """Completed path: drifts, m, shape (points, n), and applied forces, N, shape (points,)."""
         return np.array([drift for drift, _ in self._states]), np.array(
-            [base_shear for _, base_shear in self._states]
+            [applied_force for _, applied_force in self._states]
         )
 
     def push(self, displacement: float, step: float) -> str:
@@ -399,7 +415,7 @@ class _Chain:
         drift_step = default_step
         for _ in range(_MAX_STEPS_PER_ROW):
             # The controlling story is the softest relative to its shear: its drift increases most
-            # with the base shear, or it softens. If another story cannot resist its shear, each
+            # with the applied force, or it softens. If another story cannot resist its shear, each
             # other story is tried as the controlling story.
             tangents = np.array([story.tangent for story in self.stories])
             story_indices = np.arange(tangents.size)
@@ -409,24 +425,24 @@ class _Chain:
                     break
             else:
                 return "no further equilibrium state was found"
-            drift, base_shear = new_state
+            drift, applied_force = new_state
             # Halve the step if the path bends within it, because the area below the curve would be
             # wrong at a yield point.
             if drift_step > _MIN_STEP_FRACTION * default_step:
-                maximum_shear = max(self.largest[0], base_shear)
-                area_error = self._area_error(controlling, tangents, drift, base_shear)
+                maximum_shear = max(self.largest[0], applied_force)
+                area_error = self._area_error(controlling, tangents, drift, applied_force)
                 if area_error > _AREA_TOLERANCE * maximum_shear * drift.sum():
                     drift_step *= 0.5
                     continue
-            # A negative base shear is not meaningful: the path ends at the state where the base
+            # A negative applied force is not meaningful: the path ends at the state where the base
             # shear is zero.
-            if base_shear <= 0.0:
+            if applied_force <= 0.0:
                 drift, _ = self._find_state(
-                    lambda _, base_shear: -base_shear / self.largest[0],
+                    lambda _, applied_force: -applied_force / self.largest[0],
                     controlling,
                     drift_step,
                     drift,
-                    base_shear,
+                    applied_force,
                 )
                 self._accept(controlling, drift, 0.0)
                 return "no remaining lateral resistance"
@@ -439,12 +455,12 @@ class _Chain:
                         controlling,
                         drift_step,
                         drift,
-                        base_shear,
+                        applied_force,
                     ),
                 )
                 return ""
             path_length += float(np.abs(drift - self.drift).sum())
-            self._accept(controlling, drift, base_shear)
+            self._accept(controlling, drift, applied_force)
             self.maximum_roof_displacement = max(self.maximum_roof_displacement, float(drift.sum()))
             drift_step = min(2.0 * drift_step, default_step)
             # With decreasing roof displacement, a row is complete after a certain length of the
@@ -459,14 +475,14 @@ class _Chain:
         )
 
     def _area_error(
-        self, controlling: int, tangents: Array, drift: Array, base_shear: float
+        self, controlling: int, tangents: Array, drift: Array, applied_force: float
     ) -> float:
         """Return an estimate of the error of the area below the curve if a step is a straight
         line.
         """
-        drift_change, shear_change = drift - self.drift, base_shear - self.base_shear
-        # Error of the base shear times change of the roof displacement, plus error of the roof
-        # displacement times change of the base shear.
+        drift_change, shear_change = drift - self.drift, applied_force - self.applied_force
+        # Error of the applied force times change of the roof displacement, plus error of the roof
+        # displacement times change of the applied force.
         predicted_shear_change = (
             tangents[controlling] * drift_change[controlling] / self.shear_fraction[controlling]
         )
@@ -477,17 +493,25 @@ class _Chain:
         return float(area_error)
 
     def _find_state(
-        self, excess: Excess, controlling: int, drift_step: float, drift: Array, base_shear: float
+        self,
+        excess: Excess,
+        controlling: int,
+        drift_step: float,
+        drift: Array,
+        applied_force: float,
     ) -> tuple[Array, float]:
-        """Return the drifts and the base shear within a step for the required value of a quantity.
+        """Return the drifts and the applied force within a step where a quantity has its value.
 
         The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
         present state and positive at the end of the step.
         """
         lower, upper = 0.0, drift_step
-        lower_excess, upper_excess = excess(self.drift, self.base_shear), excess(drift, base_shear)
+        lower_excess, upper_excess = (
+            excess(self.drift, self.applied_force),
+            excess(drift, applied_force),
+        )
         for _ in range(_MAX_ITERATIONS):
-            if abs(excess(drift, base_shear)) <= _FORCE_TOLERANCE:
+            if abs(excess(drift, applied_force)) <= _FORCE_TOLERANCE:
                 break
             # Compute the zero of the secant between both endpoints. After each iteration, the value
             # at the endpoint that is retained is halved. Otherwise the same endpoint could be
@@ -496,39 +520,39 @@ class _Chain:
             trial = self._trial(controlling, middle)
             if trial is None or not lower < middle < upper:
                 break
-            drift, base_shear = trial
-            trial_excess = excess(drift, base_shear)
+            drift, applied_force = trial
+            trial_excess = excess(drift, applied_force)
             if trial_excess > 0.0:
                 upper, upper_excess, lower_excess = middle, trial_excess, 0.5 * lower_excess
             else:
                 lower, lower_excess, upper_excess = middle, trial_excess, 0.5 * upper_excess
-        return drift, base_shear
+        return drift, applied_force
 
     def _trial(self, controlling: int, drift_step: float) -> tuple[Array, float] | None:
-        """Compute the drifts and the base shear in equilibrium after a drift step of one story,
+        """Compute the drifts and the applied force in equilibrium after a drift step of one story,
         without accepting the state; None if another story cannot resist its shear.
         """
         force, _ = self.stories[controlling].response_at(self.drift[controlling] + drift_step)
-        base_shear = force / self.shear_fraction[controlling]
+        applied_force = force / self.shear_fraction[controlling]
         drift = self.drift.copy()
         drift[controlling] += drift_step
         for i, story in enumerate(self.stories):
             if i != controlling:
-                story_drift = story.drift_at_force(base_shear * self.shear_fraction[i])
+                story_drift = story.drift_at_force(applied_force * self.shear_fraction[i])
                 if story_drift is None:
                     return None
                 drift[i] = story_drift
-        return drift, base_shear
+        return drift, applied_force
 
-    def _accept(self, controlling: int, drift: Array, base_shear: float) -> None:
-        """Advance all stories to a new state, and update the path and the maximum base shear."""
-        # The maximum base shear of the step is at its end, or at the maximum force of the
+    def _accept(self, controlling: int, drift: Array, applied_force: float) -> None:
+        """Advance all stories to a new state, and update the path and the maximum applied force."""
+        # The maximum applied force of the step is at its end, or at the maximum force of the
         # controlling story. If the tangent of the controlling story changes its sign within the
         # step, its maximum force is found by bisection. Item 1 of the result of `response_at` is
         # the tangent.
         story = self.stories[controlling]
         step_to_maximum = float(drift[controlling] - self.drift[controlling])
-        maximum_state = (base_shear, drift)
+        maximum_state = (applied_force, drift)
         if story.tangent > 0.0 and story.response_at(float(drift[controlling]))[1] <= 0.0:
             start = self.drift[controlling]
             _, step_to_maximum = bisect_interval(
@@ -538,13 +562,13 @@ class _Chain:
                 _MAX_ITERATIONS,
             )
             state_at_maximum = self._trial(controlling, step_to_maximum)
-            if state_at_maximum and state_at_maximum[1] >= base_shear:
+            if state_at_maximum and state_at_maximum[1] >= applied_force:
                 maximum_state = (state_at_maximum[1], state_at_maximum[0])
         self.largest = max(self.largest, maximum_state, key=lambda state: state[0])
         for story, new_drift in zip(self.stories, drift, strict=True):
             story.advance(float(new_drift))
-        self.drift, self.base_shear = drift, base_shear
-        self._states.append((drift, base_shear))
+        self.drift, self.applied_force = drift, applied_force
+        self._states.append((drift, applied_force))
 
 
 class _Story:

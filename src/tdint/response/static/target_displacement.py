@@ -5,8 +5,8 @@ demand of the oscillator, increased by a rule for short periods. The coefficient
 7.4.3.3) multiplies the elastic demand at an effective period by factors. Both idealize the curve up
 to the displacement that they compute. The result is therefore the first displacement on the curve
 that the method reproduces. For a displacement on the first straight line of the curve, the
-idealized curve is this line. For a displacement above the maximum base shear, the curve up to the
-maximum is idealized.
+idealized curve is this line. For a displacement above the maximum applied force, the curve up to
+the maximum is idealized.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class TargetDisplacement(Tabular):
     period : float
         Period T* or Te, s.
     yield_force, yield_displacement : float
-        Idealized curve of the building: base shear, N, and roof displacement, m, at yield.
+        Idealized curve of the building: applied force, N, and roof displacement, m, at yield.
     spectral_acceleration : float
         Spectral acceleration of the target at this period, m/s^2.
     strength_ratio : float
@@ -80,8 +80,9 @@ class TargetDisplacement(Tabular):
         C1 and C2 for `coefficients`; for `n2` the ratio to the elastic displacement, and 1.
     roof_displacement : float
         Target displacement, m.
-    base_shear : float
-        Base shear at the target displacement, N.
+    base_shear, applied_force : float
+        Restoring force of the first story and sum of the applied forces at the target displacement,
+        N.
     drift, drift_ratio, ductility : ndarray, shape (n,)
         Drifts of the stories at the target displacement, m; divided by the height (nan without
         height); divided by the yield drift (nan for a law that does not yield).
@@ -109,6 +110,7 @@ class TargetDisplacement(Tabular):
     factors: tuple[float, float]
     roof_displacement: float
     base_shear: float
+    applied_force: float
     drift: Array
     drift_ratio: Array
     ductility: Array
@@ -136,7 +138,7 @@ class _PushoverCurve:
     Attributes
     ----------
     roof, shear, area : ndarray, shape (points,)
-        Roof displacement, m; base shear, N; area below the curve up to each point, J.
+        Roof displacement, m; applied force, N; area below the curve up to each point, J.
     """
 
     pushed: Pushover
@@ -152,7 +154,7 @@ class _PushoverCurve:
         """
         drift, shear = pushed.way
         roof = drift.sum(axis=1)
-        # The base shear is linear between two states, so that the area is a sum of trapezoids.
+        # The applied force is linear between two states, so that the area is a sum of trapezoids.
         is_increasing = roof > np.maximum.accumulate(np.concatenate(([-math.inf], roof[:-1])))
         roof, shear, drift = roof[is_increasing], shear[is_increasing], drift[is_increasing]
         area = np.concatenate(([0.0], np.cumsum(np.diff(roof) * (shear[:-1] + shear[1:]) / 2.0)))
@@ -175,11 +177,11 @@ class _PushoverCurve:
 
     @property
     def peak(self) -> int:
-        """Index of the last point with the maximum base shear, which may be a plateau."""
+        """Index of the last point with the maximum applied force, which may be a plateau."""
         return int(np.flatnonzero(self.shear >= (1.0 - _ROUNDING) * np.max(self.shear))[-1])
 
     def response_at(self, displacement: float) -> tuple[float, float]:
-        """Return base shear (N), and area below the curve (J) up to a roof displacement (m)."""
+        """Return applied force (N), and area below the curve (J) up to a roof displacement (m)."""
         shear = float(np.interp(displacement, self.roof, self.shear))
         before = max(int(np.searchsorted(self.roof, displacement)) - 1, 0)
         return shear, float(
@@ -188,7 +190,7 @@ class _PushoverCurve:
         )
 
     def maximum_shear(self, displacement: float) -> float:
-        """Return the maximum base shear (N) up to a roof displacement (m)."""
+        """Return the maximum applied force (N) up to a roof displacement (m)."""
         return max(
             float(np.max(self.shear[self.roof <= displacement], initial=0.0)),
             self.response_at(displacement)[0],
@@ -408,8 +410,8 @@ def largest_strength_ratio(
 
 
 def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
-    """Idealize a pushover curve by two lines, and return base shear (N) and roof displacement (m)
-    of the point where the lines meet (yield).
+    """Idealize a pushover curve by two lines, and return force (N) and roof displacement (m) of the
+    point where the lines meet (yield).
 
     The first line is a secant from the origin, which intersects the curve at 0.6 of the yield
     force. The second line ends on the curve at the displacement `roof`. The area below the two
@@ -451,7 +453,7 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
             yield_displacements[0, crossing] + fraction * np.ptp(yield_displacements[:, crossing])
         )
     # A curve that does not yield has no such point. It is idealized by the secant through the first
-    # point at 0.6 of the maximum base shear, up to this shear.
+    # point at 0.6 of the maximum applied force, up to this shear.
     secant = _SECANT * maximum_shear
     crossing = int(np.argmax(curve.shear >= secant))
     start_roof, stop_roof = curve.roof[crossing - 1 : crossing + 1]
@@ -535,7 +537,7 @@ def _largest_ratio(
             end_roof = float(curve.roof[end_point])
             without_p_delta = pushed.model.without_p_delta()
             size = DriftSize(f"{end_roof:.6g}m", end_roof, "length")
-            points = max(pushed.base_shear.size - 1, 1)
+            points = max(pushed.applied_force.size - 1, 1)
             curve_without_p_delta = _PushoverCurve.of(
                 pushover(without_p_delta, size, pattern=pushed.pattern, points=points)
             )
@@ -591,6 +593,7 @@ def _result(
         )
         remedy = "continue the pushover to a larger displacement"
         notes = (range_text + (consequence if ended else f", {requirement}; {remedy}"),)
+    applied = curve.response_at(idealized.roof_displacement)[0]
     yield_drift = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
     return TargetDisplacement(
         pushed=curve.pushed,
@@ -599,7 +602,8 @@ def _result(
         participation=participation,
         mass=mass,
         **vars(idealized),
-        base_shear=curve.response_at(idealized.roof_displacement)[0],
+        base_shear=applied - curve.pushed.geometric_stiffness * float(drift[0]),
+        applied_force=applied,
         drift=drift,
         drift_ratio=drift / building.heights,
         ductility=drift / yield_drift,

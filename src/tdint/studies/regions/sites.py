@@ -671,12 +671,16 @@ def _degrees(table: csv_table.CsvTable, longitude: str, latitude: str) -> list[t
 
 
 def factors_in(table: csv_table.CsvTable, *, empty: bool = True) -> list[float]:
-    """Return the scale factors in the column `factor`, which must not be zero. If the column is
-    missing, or a cell is empty (which `empty` allows), the factor is 1."""
-    if not table.has("factor"):
+    """Return the scale factors in the column `factor`, or `scale` as in tables of runs, which must
+    not be zero. If the column is missing, or a cell is empty (which `empty` allows), the factor is
+    1. An error is raised if the table has both columns."""
+    if table.has("factor", "scale"):
+        raise table.error(f"{table.source}: factor and scale are both factors; omit one column")
+    name = "scale" if table.has("scale") else "factor"
+    if not table.has(name):
         return [1.0] * len(table.rows)
-    cells = table.numbers("factor", empty=empty)
-    table.check("factor", (factor != 0.0 for factor in cells), "must not be zero")
+    cells = table.numbers(name, empty=empty)
+    table.check(name, (factor != 0.0 for factor in cells), "must not be zero")
     return [1.0 if math.isnan(factor) else factor for factor in cells]
 
 
