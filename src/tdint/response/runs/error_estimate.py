@@ -341,7 +341,11 @@ def with_error_estimate(
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
     start = start_peaks(case, steps)
     errors = story_errors(
-        _with_devices(response), _with_devices(other), factors(case.method), start=start
+        _with_devices(response),
+        _with_devices(other),
+        factors(case.method),
+        start=start,
+        stories=len(response.stories.peak_drift),
     )
     if response.devices is not None and other.devices is not None:
         count = len(response.model.stories)
@@ -494,6 +498,7 @@ def story_errors(
     by: EstimateFactors = _LOW_ORDER,
     *,
     start: StoryPeaks | None = None,
+    stories: int | None = None,
     other_is_finer: bool = True,
 ) -> StoryErrors:
     """Estimate the errors of the peaks of a run, or of an event of a sequence, from another run.
@@ -505,6 +510,8 @@ def story_errors(
     start : StoryPeaks, optional
         Peaks in the first steps of a building that moves at the start (`start_peaks`); None if the
         building is at rest at the start.
+    stories : int, optional
+        Number of the first columns that are stories; attachments and links follow. By default all.
     other_is_finer : bool, default True
         True if the additional run has shorter time steps, so that it limits the possible excess of
         the peaks between time steps.
@@ -520,7 +527,7 @@ def story_errors(
         # Errors of residual drifts are related to peak drifts, because residual drifts can be 0.
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
         error = _extrapolated(
-            getattr(response.stories, name), getattr(other.stories, name), size, by
+            getattr(response.stories, name), getattr(other.stories, name), size, by, stories
         )
         # For residual drifts, the bound is the change of the drift after the requested time
         # (usually the end of the record), because a run with long time steps ends later.
@@ -599,25 +606,31 @@ def flexure_errors(peaks: FlexureValues, others: FlexureValues, growth: float) -
     return FlexureValues(**values)
 
 
-def _extrapolated(values: Array, others: Array, size: Array, by: EstimateFactors) -> Array:
-    """Return errors from the difference to a more accurate run, with minima relative to `size`."""
+def _extrapolated(
+    values: Array, others: Array, size: Array, by: EstimateFactors, stories: int | None = None
+) -> Array:
+    """Return errors from the difference to a more accurate run, with minima relative to `size`;
+    `stories` as in `common`."""
     difference = np.abs(values - others)
     extrapolated = by.difference * difference
-    minimum = COMMON * common(extrapolated, size)
+    minimum = COMMON * common(extrapolated, size, stories)
     if by.most < math.inf:
         minimum = np.minimum(minimum, by.most * difference)
     return np.asarray(np.maximum(extrapolated, np.maximum(minimum, FLOOR * size)))
 
 
-def common(errors: Array, size: Array) -> Array:
+def common(errors: Array, size: Array, stories: int | None = None) -> Array:
     """Return `size` times the root mean square over the stories of `errors` / `size`.
 
-    This is the error of each story if all stories have the same relative error.
+    This is the error of each story if all stories have the same relative error. Only the first
+    `stories` columns (by default all) contribute, so that links that carry nothing change no error
+    of a story.
     """
     # A story that did not move (size 0) does not contribute.
     has_moved = size > 0.0
-    relative = np.divide(errors, size, out=np.zeros_like(errors), where=has_moved)
-    return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(has_moved), 1)) * size)
+    relative = np.divide(errors, size, out=np.zeros_like(errors), where=has_moved)[:stories]
+    count = max(np.count_nonzero(has_moved[:stories]), 1)
+    return np.asarray(np.sqrt(np.sum(relative**2) / count) * size)
 
 
 def run_until_rest(case: Case, steps: Steps, run: Callable[[float], Response]) -> Response:
