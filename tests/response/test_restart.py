@@ -347,7 +347,7 @@ def test_stepper_reports_a_step_that_fails():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((np.nan,), "step: ground_acceleration must be finite, got nan"),
+        ((np.nan,), "step: ground_acceleration must be a finite number, got nan"),
         ((0.0, [1.0]), "step: floor_forces must contain 2 finite numbers, one for each floor, got"),
         ((0.0, [1.0, np.inf]), "step: floor_forces must contain 2 finite numbers"),
     ],

@@ -62,13 +62,16 @@ def add_force_history(forces: Array, points: Array, time: Array, total: Array) -
             angle = row[rows.OMEGA] * time
             total[:, floor] += row[rows.COSINE] * np.cos(angle) + row[rows.SINE] * np.sin(angle)
             continue
-        stride = int(row[rows.STRIDE])
-        times = points[int(row[rows.TIMES]) :: stride][:count] + row[rows.DELAY]
-        values = row[rows.FACTOR] * points[int(row[rows.VALUES]) :: stride][:count]
-        # Points within the rounding of a time are at this time, after it for t = 0.
-        margin = np.where(time > 0.0, -_TIME_ROUNDING * time, _TIME_ROUNDING)
-        k = np.searchsorted(times, time + margin, side="right")
-        inside = (k > 0) & (k < count)
-        last, next_point = k[inside] - 1, k[inside]
-        share = (time[inside] - times[last]) / (times[next_point] - times[last])
-        total[inside, floor] += values[last] + (values[next_point] - values[last]) * share
+        if row[rows.NEW_TIMES]:  # the following rows with equal times have the same points
+            stride = int(row[rows.STRIDE])
+            times = points[int(row[rows.TIMES]) :: stride][:count]
+            at = time - row[rows.DELAY]
+            # Points within the rounding of a time are at this time, after it for t = 0.
+            margin = np.where(time > 0.0, -_TIME_ROUNDING * time, _TIME_ROUNDING)
+            k = np.searchsorted(times, at + margin, side="right")
+            inside = (k > 0) & (k < count)
+            last = k[inside] - 1
+            share = (at[inside] - times[last]) / (times[last + 1] - times[last])
+        values = points[int(row[rows.VALUES]) :: stride]
+        before = row[rows.FACTOR] * values[last]
+        total[inside, floor] += before + (row[rows.FACTOR] * values[last + 1] - before) * share

@@ -2,9 +2,10 @@
 
 The displacements u of the rows relative to the ground satisfy
 
-    M u'' + C u' + K u + B^T f = p - M r ag,    f' = k (B u' - f / c)
+    M u'' + C u' + K u + B^T f = p - M0 r ag,    f' = k (B u' - f / c)
 
-with the influence vector r, the ground acceleration ag, forces p on the rows, and the forces f of
+with the mass M0 that the ground motion loads (M without inerters to the ground), the influence
+vector r, the ground acceleration ag, forces p on the rows, and the forces f of
 dampers (coefficient c) in series with a brace (stiffness k). The rows of B give their drifts.
 """
 
@@ -56,8 +57,10 @@ class SystemMatrices(Described):
         Names of the rows: floor_1, ..., then the attachments, or rotation_1, ... of the floors with
         rotary inertia (rad; forces are moments); names of rows that are not floors.
     mass, stiffness, damping : ndarray, shape (n, n)
-        M (kg), K with P-delta (N/m), and C (N s/m) with Rayleigh or modal damping and all dashpots
-        without a brace.
+        M (kg) with inerters, K with P-delta (N/m), and C (N s/m) with Rayleigh or modal damping and
+        all dashpots without a brace.
+    loaded_mass : ndarray, shape (n, n)
+        Masses M0 that the ground motion loads, kg: `mass` without the inertances.
     influence : ndarray, shape (n,)
         Displacements r of the rows for a unit displacement of the ground.
     braces : Braces
@@ -68,6 +71,7 @@ class SystemMatrices(Described):
     mass: Array
     stiffness: Array
     damping: Array
+    loaded_mass: Array
     influence: Array
     braces: Braces
 
@@ -91,12 +95,14 @@ class SystemMatrices(Described):
             )
         a = state_matrix(self.mass, self.stiffness, self.damping, self.braces)
         b = np.zeros((states, 1 + n))
-        b[n : 2 * n, 0] = -self.influence
         b[n : 2 * n, 1:] = np.linalg.inv(self.mass)
+        b[n : 2 * n, 0] = -np.linalg.solve(self.mass, self.loaded_mass @ self.influence)
         c = np.vstack([np.eye(2 * n, states), a[n : 2 * n]])
         d = np.zeros((3 * n, 1 + n))
-        # The absolute acceleration does not contain the ground acceleration.
-        d[2 * n :, 1:] = b[n : 2 * n, 1:]
+        # The absolute acceleration of a row contains the ground acceleration only if an inerter
+        # connects it to the ground.
+        d[2 * n :] = b[n : 2 * n]
+        d[2 * n :, 0] += self.influence
         return StateSpace(a, b, c, d)
 
 
@@ -136,6 +142,7 @@ def matrices(model: AnyModel) -> SystemMatrices:
         mass=system.mass if system else np.diag(building.mass),
         stiffness=building.stiffness_matrix(),
         damping=damping,
+        loaded_mass=system.loaded_mass if system else np.diag(building.mass),
         influence=system.influence if system else np.ones(building.masses),
         braces=braces,
     )

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, ModelError
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import RUNAWAY
@@ -87,6 +88,23 @@ class _Transition:
         steps = oscillator(omega * h, ratios) * np.array([1.0, h, h * h, h * h])
         steps[:, 1] /= h
         self.columns = steps.transpose(2, 1, 0)
+
+    def dense(self) -> Array:
+        """Return the matrix of the state at the start and of the loads at start and end, shape (2
+        modes, 2 modes + 2 loads)."""
+        if self.is_coupled:
+            return self.matrix
+        return np.vstack(
+            [
+                np.hstack(
+                    [
+                        *(np.diag(column) for column in self.columns[:2, row]),
+                        *(column[:, None] * self.patterns for column in self.columns[2:, row]),
+                    ]
+                )
+                for row in range(2)
+            ]
+        )
 
     def forced(self, load_0: Array, load_1: Array) -> Array:
         """Return the part of the state at the end due to the loads, shape (..., loads)."""
@@ -193,6 +211,7 @@ class LinearLoop:
         if self.lag is not None:
             self._append_lag(self.lag)
         self.dashpots = building.linear_terms[rows.DASHPOT, :-1]
+        self.has_dashpots = bool(np.any(self.dashpots))
         self.outputs = self._outputs()
 
     def _append_lag(self, lag: Lag) -> None:
@@ -215,14 +234,19 @@ class LinearLoop:
         self.rates = np.append(self.omega, lag.rates)
         self.omega = np.append(self.omega, np.sqrt(lag.rates))
 
+    @cached_property
+    def _to_modes(self) -> Array:
+        """Matrix from the motions of the floors to the modes."""
+        return np.asarray(self.system.mass @ self.shapes)
+
     def _modal_state(self, is_first: bool) -> Array:
         """Return the modal displacements and velocities of the state of the run, shape (2, modes);
         at the start of the run, rows without mass have their static positions."""
         floors = self.space.state[: rows.VELOCITY + 1, : self.building.masses]
         if self.lag is None:
-            return np.asarray(floors @ self.system.mass @ self.shapes)
+            return floors @ self._to_modes
         modes = self.omega.size - self.lag.rates.size
-        state = floors @ self.system.mass @ self.shapes
+        state = floors @ self._to_modes
         if not is_first:
             excess = floors[0] - state[0, :modes] @ self.shapes[:, :modes].T
             state[0, modes:] = self.lag.coordinates(self.system.stiffness, excess)
@@ -237,17 +261,9 @@ class LinearLoop:
                 f"a model with inertance needs a time step of at most the sampling interval, "
                 f"{interval:.6g} s, with this method; use a shorter time step, or exact"
             )
-        parts = min(max(1, int(np.ceil(self.highest * interval / _RESOLVED))), _MOST_PARTS)
-        if self.coefficients:
-            parts = 1
+        parts = self._parts(interval)
         durations = (interval, interval / parts) if parts > 1 else (interval,)
-        transitions = [
-            _Transition(
-                *(self.omega, self.ratios, (self.stiffness, self.damping), self.driving),
-                *(duration, self.coefficients),
-            )
-            for duration in durations
-        ]
+        transitions = [self._transition(duration) for duration in durations]
         per_step = steps.stride * parts
         block = max(1, _BLOCK_NUMBERS // (2 * self.omega.size * per_step))
         for start in range(first, last, block):
@@ -256,10 +272,84 @@ class LinearLoop:
             for output in self.outputs:
                 self._update_peaks(output, grid, interval / parts)
             self._store(grid, interval / parts, per_step, (start, end))
-            displacement = self.space.state[rows.DISPLACEMENT]
-            if not np.all(np.abs(displacement) < RUNAWAY):
-                return rows.NOT_FINITE
+            if code := self._outcome():
+                return code
         return 0
+
+    def _parts(self, interval: float) -> int:
+        """Return the number of intervals of the grid in an interval of the load."""
+        if self.coefficients:
+            return 1
+        return min(max(1, int(np.ceil(self.highest * interval / _RESOLVED))), _MOST_PARTS)
+
+    def _transition(self, duration: float) -> _Transition:
+        """Return the step of the modes over a duration, s."""
+        matrices = self.stiffness, self.damping
+        modes = self.omega, self.ratios, matrices, self.driving
+        return _Transition(*modes, duration, self.coefficients)
+
+    @cached_property
+    def _single(self) -> tuple[Array, Array]:
+        """Fractions of a time step at the ends of its parts, shape (parts + 1, 1), and the matrix
+        of one part (`_Transition.dense`)."""
+        parts = self._parts(self.h)
+        share = np.linspace(0.0, 1.0, parts + 1)[:, None]
+        return share, self._transition(self.h / parts).dense()
+
+    def step(self, _: Steps, first: int, last: int) -> int:
+        """Integrate steps as `__call__`, one by one, without peaks and without a history: the time
+        steps of a `Stepper`, whose loads are linear within a step."""
+        share, matrix = self._single
+        parts, size = len(share) - 1, 2 * self.omega.size
+        for number in range(first, last):
+            ends = self._loads(np.array([number, number + 1]), 1.0, self.h)
+            loads = ends[0] + share * (ends[1] - ends[0])
+            states = np.empty((parts + 1, size))
+            states[0] = self._modal_state(number == 0).ravel()
+            for part in range(parts):
+                known = np.concatenate([states[part], loads[part], loads[part + 1]])
+                np.dot(matrix, known, out=states[part + 1])
+            grid = self._grid(states.reshape(parts + 1, 2, -1), loads)
+            self._set_totals(grid, self._energies(grid, self.h / parts)[::parts], number)
+            self._set_motion(grid)
+        return self._outcome()
+
+    def state_row(self, number: int, ground: float) -> Array:
+        """Return the row of a history with the present state after `number` steps, under a ground
+        acceleration, m/s^2."""
+        loads = self._loads(np.array([number]), 1.0, self.h)
+        loads[0, 0] = ground
+        grid = self._grid(self._modal_state(number == 0)[None], loads)
+        return self._rows(grid, np.zeros(1, np.intp), self.space.totals[None, : rows.ENERGY_TERMS])
+
+    def _outcome(self) -> int:
+        """Return NOT_FINITE if the displacements are beyond all bounds, otherwise 0."""
+        largest = np.abs(self.space.state[rows.DISPLACEMENT]).max()
+        return 0 if largest < RUNAWAY else rows.NOT_FINITE  # also for nan
+
+    def _loads(self, positions: NDArray[Any], per_sample: float, interval: float) -> Array:
+        """Return the ground acceleration and the forces on floors at multiples of `interval` (s),
+        of which `per_sample` are in a sampling interval."""
+        loads = np.zeros((positions.size, 1 + self.floors.size))
+        # The ground acceleration is linear between the samples and 0 after the last sample.
+        samples = np.append(self.ground, 0.0) if per_sample != 1.0 else self.ground
+        if per_sample == 1.0:
+            inside = positions < samples.size
+            loads[inside, 0] = samples[positions[inside]]
+        else:
+            at = positions / per_sample
+            loads[:, 0] = np.interp(at, np.arange(samples.size), samples, right=0.0)
+        if self.floors.size:
+            forces = np.zeros((positions.size, self.building.masses))
+            add_force_history(*self.loads, np.asarray(positions * interval, dtype=float), forces)
+            loads[:, 1:] = forces[:, self.floors]
+        return loads
+
+    def _grid(self, states: Array, loads: Array) -> _Grid:
+        """Return a grid with the modal accelerations, which follow from equilibrium."""
+        accelerations = loads @ self.driving.T
+        accelerations -= self._internal(states[..., 0, :], states[..., 1, :])
+        return _Grid(states, accelerations, loads)
 
     def _integrate(
         self, steps: Steps, span: tuple[int, int], parts: int, transitions: list[_Transition]
@@ -269,17 +359,7 @@ class LinearLoop:
         start, end = span
         count = (end - start) * steps.stride
         positions = start * steps.stride + np.arange(count + 1)
-        time = np.asarray(positions * (self.h / steps.stride), dtype=np.float64)
-        loads = np.zeros((count + 1, 1 + self.floors.size))
-        # The ground acceleration is linear between the samples and 0 after the last sample.
-        samples = np.append(self.ground, 0.0)
-        loads[:, 0] = np.interp(
-            positions / steps.per_sample, np.arange(samples.size), samples, right=0.0
-        )
-        if self.floors.size:
-            forces = np.zeros((count + 1, self.building.masses))
-            add_force_history(*self.loads, time, forces)
-            loads[:, 1:] = forces[:, self.floors]
+        loads = self._loads(positions, steps.per_sample, self.h / steps.stride)
         state = self._modal_state(start == 0)
         all_states = np.empty((count * parts + 1, 2, self.omega.size))
         states = all_states[:-1].reshape(count, parts, 2, -1)
@@ -297,10 +377,7 @@ class LinearLoop:
                 between[:, part - 1], between[:, part]
             )
         all_loads = np.concatenate([between.reshape(count * parts, -1), loads[-1:]])
-        # The modal accelerations follow from equilibrium.
-        accelerations = all_loads @ self.driving.T
-        accelerations -= self._internal(all_states[..., 0, :], all_states[..., 1, :])
-        return _Grid(all_states, accelerations, all_loads)
+        return self._grid(all_states, all_loads)
 
     def _outputs(self) -> list[_Output]:
         """Return the quantities with peaks in the results of the run."""
@@ -320,7 +397,7 @@ class LinearLoop:
             _Output(total_shear, 2, inertia @ shapes, system.cuts @ self.applied),
         ]
         flexure, observed = system.flexure, self.space.observer_state
-        if np.any(self.dashpots):
+        if self.has_dashpots:
             damped = np.where(self.dashpots[:, None] != 0.0, drifts, 0.0)
             outputs.append(_Output(peaks[rows.PEAK_DRIFT_RATE], 1, damped, none))
         if len(system.inerters):
@@ -352,55 +429,71 @@ class LinearLoop:
 
     def _store(self, grid: _Grid, interval: float, per_step: int, span: tuple[int, int]) -> None:
         """Store state, energies, collapse and history of the steps of `span`."""
-        space, n, count = self.space, self.building.masses, self.building.stories
-        start, end = span
-        if start == 0:
-            displacement, velocity = grid.states[0]
-            kinetic = self.is_moving * velocity**2
-            initial = 0.5 * float(np.sum((self.omega * displacement) ** 2 + kinetic))
-            space.totals[rows.ENERGY_INITIAL] = space.totals[rows.ENERGY_REFERENCE] = initial
+        space, (start, end) = self.space, span
         energies = self._energies(grid, interval)[::per_step]
-        totals = space.totals
-        reference = totals[rows.ENERGY_INITIAL] + energies[:, rows.ENERGY_INPUT]
-        references = np.maximum.accumulate(np.maximum(reference, totals[rows.ENERGY_REFERENCE]))
+        references = self._set_totals(grid, energies, start)
         self._record_collapse(grid, per_step, start, energies, references)
-        totals[: rows.ENERGY_TERMS] = energies[-1]
-        totals[rows.ENERGY_REFERENCE] = references[-1]
-        totals[rows.STEPS_REACHED] += end - start
-        totals[rows.ITERATIONS] += end - start
-        displacement, velocity, acceleration = (
-            grid.derivative(order)[-1] @ self.shapes.T for order in range(3)
-        )
-        drift = displacement @ self.system.deformations.T
-        space.state[rows.DISPLACEMENT, :n], space.state[rows.VELOCITY, :n] = displacement, velocity
-        space.observer_state[rows.OBSERVED_ACCELERATION, :n] = acceleration
-        # The force that only this drift would need, as in `assemble`
-        stiffness = self.building.story_laws[rows.STIFFNESS]
-        space.law_state[rows.DRIFT, :count] = drift
-        space.law_state[rows.FORCE, :count] = stiffness * drift
-        space.law_state[rows.SLOPE, :count] = stiffness
+        self._set_state(grid)
         if len(self.history):
             numbers = np.arange(start, end + 1)
             is_new = (numbers > start) | (numbers == space.rows_before * space.steps_per_row)
             kept = (numbers % space.steps_per_row == 0) & is_new
             points = per_step * np.flatnonzero(kept)
-            displacement, velocity, acceleration = (
-                grid.derivative(order)[points] @ self.shapes.T for order in range(3)
-            )
-            ground = grid.loads[points, :1]
-            of_links = np.zeros((len(points), count - n))  # links have no mass
-            table = np.hstack(
-                [
-                    ground,
-                    *(displacement, of_links),
-                    *(velocity, of_links),
-                    *(acceleration + ground * self.system.influence, of_links),
-                    displacement @ self.system.spring_forces.T,
-                    energies[kept],
-                ]
-            )
             positions = numbers[kept] // space.steps_per_row - space.rows_before
-            self.history[positions] = table
+            self.history[positions] = self._rows(grid, points, energies[kept])
+
+    def _set_totals(self, grid: _Grid, energies: Array, start: int) -> Array:
+        """Store the energies after the steps from `start`, and return the reference energies."""
+        totals = self.space.totals
+        if start == 0:
+            displacement, velocity = grid.states[0]
+            kinetic = self.is_moving * velocity**2
+            initial = 0.5 * float(np.sum((self.omega * displacement) ** 2 + kinetic))
+            totals[rows.ENERGY_INITIAL] = totals[rows.ENERGY_REFERENCE] = initial
+        reference = totals[rows.ENERGY_INITIAL] + energies[:, rows.ENERGY_INPUT]
+        references = np.maximum.accumulate(np.maximum(reference, totals[rows.ENERGY_REFERENCE]))
+        totals[: rows.ENERGY_TERMS] = energies[-1]
+        totals[rows.ENERGY_REFERENCE] = references[-1]
+        totals[rows.STEPS_REACHED] += len(energies) - 1
+        totals[rows.ITERATIONS] += len(energies) - 1
+        return np.asarray(references)
+
+    def _set_motion(self, grid: _Grid) -> None:
+        """Store the displacements and velocities at the end of a grid, the memory of the loop."""
+        n = self.building.masses
+        self.space.state[: rows.VELOCITY + 1, :n] = grid.states[-1] @ self.shapes.T
+
+    def _set_state(self, grid: _Grid) -> None:
+        """Store the state at the end of a grid, also for the results of a run."""
+        self._set_motion(grid)
+        space, n, count = self.space, self.building.masses, self.building.stories
+        drift = self.system.deformations @ space.state[rows.DISPLACEMENT, :n]
+        space.observer_state[rows.OBSERVED_ACCELERATION, :n] = (
+            self.shapes @ grid.accelerations[-1]
+        )
+        # The force that only this drift would need, as in `assemble`
+        stiffness = self.building.story_laws[rows.STIFFNESS]
+        space.law_state[rows.DRIFT, :count] = drift
+        space.law_state[rows.FORCE, :count] = stiffness * drift
+        space.law_state[rows.SLOPE, :count] = stiffness
+
+    def _rows(self, grid: _Grid, points: _Indices, energies: Array) -> Array:
+        """Return the rows of the history at points of a grid."""
+        displacement, velocity, acceleration = (
+            grid.derivative(order)[points] @ self.shapes.T for order in range(3)
+        )
+        ground = grid.loads[points, :1]
+        of_links = np.zeros((len(points), self.building.stories - self.building.masses))
+        return np.hstack(
+            [
+                ground,
+                *(displacement, of_links),  # links have no mass
+                *(velocity, of_links),
+                *(acceleration + ground * self.system.influence, of_links),
+                displacement @ self.system.spring_forces.T,
+                energies,
+            ]
+        )
 
     def _energies(self, grid: _Grid, interval: float) -> Array:
         """Return the energies at all points of the grid, shape (points, ENERGY_TERMS).
@@ -408,29 +501,29 @@ class LinearLoop:
         The powers are integrated by the trapezoidal rule with their rates at the endpoints.
         """
         displacement, velocity = grid.states[:, 0], grid.states[:, 1]
-        drifts = self.system.deformations @ self.shapes
         loads, acceleration = grid.loads, grid.accelerations
         result = np.zeros((len(loads), rows.ENERGY_TERMS))
         result[0] = self.space.totals[: rows.ENERGY_TERMS]
-        rate = np.diff(loads, axis=0) / interval
+        rate = (loads[1:] - loads[:-1]) / interval
         speed = velocity @ self.patterns
         kink = _dots(speed[:-1] - speed[1:], rate)
         work = _integral(
             _dots(speed, loads), _dots(acceleration @ self.patterns, loads), interval
         ) + (interval**2 / 12.0 * kink)
-        result[1:, rows.ENERGY_INPUT] = result[0, rows.ENERGY_INPUT] + np.cumsum(work)
+        result[1:, rows.ENERGY_INPUT] = result[0, rows.ENERGY_INPUT] + work.cumsum()
         # Equilibrium gives the damping forces without another product of matrices.
         inertia, moving = self.is_moving * acceleration, self.is_moving * velocity
         force = loads @ self.patterns.T - inertia - self.omega**2 * displacement
         lost = _integral(_dots(velocity, force), 2.0 * _dots(acceleration, force), interval)
-        if np.any(self.dashpots):
+        if self.has_dashpots:
+            drifts = self.system.deformations @ self.shapes
             rate, change = (order @ drifts.T for order in (velocity, acceleration))
             spent = _integral(rate**2, 2.0 * rate * change, interval) * self.dashpots
             self.space.observer_state[rows.DASHPOT_WORK, :-1] += spent.sum(axis=0)
             spent = spent.sum(axis=1)
             lost -= spent
             result[1:, rows.ENERGY_DASHPOTS] = result[0, rows.ENERGY_DASHPOTS] + np.cumsum(spent)
-        result[1:, rows.ENERGY_VISCOUS] = result[0, rows.ENERGY_VISCOUS] + np.cumsum(lost)
+        result[1:, rows.ENERGY_VISCOUS] = result[0, rows.ENERGY_VISCOUS] + lost.cumsum()
         result[:, rows.ENERGY_KINETIC] = 0.5 * _dots(velocity, moving)
         stretched = self.omega * displacement
         result[:, rows.ENERGY_STRAIN] = 0.5 * _dots(stretched, stretched)
@@ -559,7 +652,8 @@ class LinearLoop:
 
 def _dots(first: Array, second: Array) -> Array:
     """Return the scalar products of the rows of two arrays."""
-    return np.asarray(np.einsum("ij,ij->i", first, second))
+    products: Array = np.einsum("ij,ij->i", first, second)
+    return products
 
 
 def _hermite(parts: int) -> Array:

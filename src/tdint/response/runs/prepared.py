@@ -387,7 +387,7 @@ class PreparedBuilding:
         UsageError
             The state belongs to another building or method.
         """
-        state.require_same(self.building, self.forces, integrator)
+        state.require_same(self.building, self.loads, integrator)
         if state.steps:
             return replace(self, initial=state)
         displacement, velocity = state.space.state[: rows.VELOCITY + 1, :-1]
@@ -751,12 +751,21 @@ class PreparedBuilding:
                 store_first_row(space, self.initial.ground_acceleration)
         return space
 
-    def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
+    def loop(
+        self,
+        integrator: Integrator,
+        h: float,
+        ground: Array,
+        space: Workspace,
+        *,
+        is_stepped: bool = False,
+    ) -> Loop:
         """Return a function (steps, first, last) that integrates the steps from `first` to `last` -
         1 by the compiled time loop, and returns 0 or the negative code of a step that fails.
 
         All arguments of the compiled loop except the steps are fixed. The function continues from
-        the state of the arrays in `space` at the time of its call, and changes them.
+        the state of the arrays in `space` at the time of its call, and changes them. With
+        `is_stepped`, for a `Stepper`, the loop of matrices does not update peaks and histories.
         """
         building, before = self.building, self.completed
         if building.uses_matrices:
@@ -765,8 +774,11 @@ class PreparedBuilding:
             from tdint.response.runs.linear_loop import LinearLoop
 
             coefficients = step_coefficients(integrator)
-            linear = LinearLoop(building, self.loads, h, ground, space, coefficients)
-            return lambda steps, first, last: linear(steps, before + first, before + last)
+            # As in a compiled loop, the rows of forces are those of the workspace.
+            loads = space.forces[:, : rows.FORCE_COLUMNS], self.points
+            linear = LinearLoop(building, loads, h, ground, space, coefficients)
+            call_linear = linear.step if is_stepped else linear
+            return lambda steps, first, last: call_linear(steps, before + first, before + last)
         if building.inertial and self.points.size:
             raise AnalysisError(
                 "a model with inertance and a law that is not linear has no forces from tables, "

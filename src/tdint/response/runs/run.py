@@ -198,7 +198,7 @@ def run(
         initial=initial,
     )
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
-    if initial and names:
+    if initial is not None and names:
         raise UsageError("gradient cannot be used with initial; omit one")
     if names and case.across is not None:
         raise UsageError("gradient requires a model with one direction; omit it")
@@ -249,6 +249,11 @@ def prepare(
         The model or the record is invalid.
     """
     model = model_of(model)
+    if not (initial is None or isinstance(initial, RunState)):
+        raise UsageError(
+            "initial must be RunState or None (Response.final_state, Stepper.state), got "
+            f"{initial!r:.60}"
+        )
     specification = method_of(model, method)
     is_chosen = not (method or model.analysis.method or initial)
     remarks = [f"{NO_METHOD}; using {specification}"] if is_chosen else []

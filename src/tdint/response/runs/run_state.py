@@ -93,13 +93,19 @@ class RunState(Described):
 
     @property
     def displacement(self) -> Array:
-        """Displacements of the floors relative to the ground, m."""
-        return self.space.state[rows.DISPLACEMENT, : self.building.floors].copy()
+        """Displacements of the floors relative to the ground, m; read-only."""
+        return self._row(rows.DISPLACEMENT)
 
     @property
     def velocity(self) -> Array:
-        """Velocities of the floors relative to the ground, m/s."""
-        return self.space.state[rows.VELOCITY, : self.building.floors].copy()
+        """Velocities of the floors relative to the ground, m/s; read-only."""
+        return self._row(rows.VELOCITY)
+
+    def _row(self, row: int) -> Array:
+        """Return a row of the state of the floors. A change of the array raises ValueError."""
+        values = self.space.state[row, : self.building.floors]
+        values.flags.writeable = False
+        return values
 
     @cached_property
     def history(self) -> History:
@@ -108,18 +114,26 @@ class RunState(Described):
 
         space = replace(self.space, history=np.zeros((1, history_width(self.building))))
         space.rows_before = self.steps
-        store_first_row(space, self.ground_acceleration)
+        if self.building.uses_matrices:
+            from tdint.response.runs.linear_loop import LinearLoop  # few models have matrices
+
+            loop = LinearLoop(self.building, self.loads, self.dt, np.zeros(1), space)
+            space.history[0] = loop.state_row(self.steps, self.ground_acceleration)
+        else:
+            store_first_row(space, self.ground_acceleration)
         return named_history(self.building, self.loads, space, self.dt)
 
-    def require_same(self, building: Building, forces: Array, method: Integrator) -> None:
+    def require_same(
+        self, building: Building, loads: tuple[Array, Array], method: Integrator
+    ) -> None:
         """Check that the state is of the same building, forces and method.
 
         Parameters
         ----------
         building : Building
             Building as arrays.
-        forces : ndarray
-            Forces on floors, the first array of `loads`.
+        loads : tuple of ndarray
+            Forces on floors and points of their tables, as the attribute.
         method : Integrator
             Method of the time integration.
 
@@ -133,7 +147,7 @@ class RunState(Described):
             (own.linear_terms, building.linear_terms),
             (own.law_parameters, building.law_parameters),
             (own.modal, building.modal),
-            (self.loads[0], forces),
+            *zip(self.loads, loads, strict=True),
         ]
         is_same = (system is None) == (other is None)
         if system is not None and other is not None:
@@ -151,7 +165,7 @@ class RunState(Described):
             )
 
 
-_MATRICES = ("mass", "stiffness", "damping")
+_MATRICES = ("mass", "stiffness", "damping", "loaded_mass", "influence")
 
 
 def store_first_row(space: Workspace, ground: float) -> None:

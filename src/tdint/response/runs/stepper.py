@@ -99,12 +99,27 @@ class Stepper(Described):
     def copy(self) -> Stepper:
         """Return an independent stepper in the same state."""
         other = object.__new__(Stepper)
-        vars(other).update(vars(self))
-        other._space, other._ground = copy_of(self._space), self._ground.copy()
-        if self._table is not None:
-            other._extend_table(0)
-        other._bind()
+        other.__setstate__(self.__getstate__())
         return other
+
+    __copy__ = copy
+
+    def __deepcopy__(self, _: dict[int, object]) -> Stepper:
+        """Return an independent stepper, as `copy`."""
+        return self.copy()
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the attributes with copies of all arrays that steps change, without the time
+        loop."""
+        state = {name: value for name, value in vars(self).items() if name != "_loop"}
+        return state | {"_space": copy_of(self._space), "_ground": self._ground.copy()}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Set the attributes, and bind the time loop to the arrays."""
+        vars(self).update(state)
+        if self._table is not None:
+            self._extend_table(0)
+        self._bind()
 
     def step(self, ground_acceleration: float, floor_forces: Numbers | None = None) -> None:
         """Integrate one time step.
@@ -115,9 +130,10 @@ class Stepper(Described):
         Parameters
         ----------
         ground_acceleration : float
-            Ground acceleration at the end of the step, m/s^2.
+            Ground acceleration at the end of the step, m/s^2; also an array with one number.
         floor_forces : sequence of float, optional
-            Force on each floor at the end of the step, N; by default zero.
+            Force on each floor, or on each floor and then on each attachment, at the end of the
+            step, N; by default zero.
 
         Raises
         ------
@@ -127,9 +143,17 @@ class Stepper(Described):
             The step diverged or did not converge, or a story has no resistance left. `reset`
             returns to the start.
         """
-        acceleration = float(ground_acceleration)
-        if not math.isfinite(acceleration):
-            raise UsageError(f"step: ground_acceleration must be finite, got {acceleration}")
+        # An ordinary number needs no array, which would take a fourth of the time of a step.
+        if type(ground_acceleration) is float and math.isfinite(ground_acceleration):
+            acceleration = ground_acceleration
+        else:
+            given = _finite(ground_acceleration)
+            if given is None or given.size != 1:
+                raise UsageError(
+                    "step: ground_acceleration must be a finite number, got "
+                    f"{ground_acceleration!r:.60}"
+                )
+            acceleration = given.item()
         if floor_forces is not None or self._table is not None:
             self._set_forces(floor_forces)
         end = self._count + 1
@@ -152,22 +176,26 @@ class Stepper(Described):
     def _bind(self) -> None:
         """Bind the time loop to the present arrays."""
         self._loop = self._prepared.loop(
-            self._case.method, self._steps.h, self._ground, self._space
+            self._case.method, self._steps.h, self._ground, self._space, is_stepped=True
         )
 
     def _set_forces(self, floor_forces: Numbers | None) -> None:
         """Append the forces at the end of the next step to the table of the floors."""
-        floors = self._prepared.building.floors
-        values = np.zeros(floors) if floor_forces is None else np.asarray(floor_forces, dtype=float)
-        if values.shape != (floors,) or not np.isfinite(values).all():
+        building = self._prepared.building
+        floors, loaded = building.floors, building.floors + len(building.attachments)
+        given = np.zeros(floors) if floor_forces is None else _finite(floor_forces)
+        if given is None or given.shape not in ((floors,), (loaded,)):
+            more = f", or {loaded}, also for each attachment" if loaded > floors else ""
             raise UsageError(
-                f"step: floor_forces must contain {floors} finite numbers, one for each floor, got "
-                f"{floor_forces!r:.60}"
+                f"step: floor_forces must contain {floors} finite numbers, one for each "
+                f"floor{more}, got {floor_forces!r:.60}"
             )
+        values = np.zeros(loaded)
+        values[: given.size] = given
         if self._table is None:
-            self._add_table(floors)
+            self._add_table(loaded)
         assert self._table is not None
-        forces = self._space.forces[-floors:]
+        forces = self._space.forces[-loaded:]
         point = int(forces[0, rows.POINTS])
         if point == len(self._table):
             self._extend_table(point)
@@ -177,7 +205,8 @@ class Stepper(Described):
         forces[:, rows.POINTS] = point + 1
 
     def _add_table(self, floors: int) -> None:
-        """Add a table of forces with a column for each floor, which starts at the present time."""
+        """Add a table of forces with a column for each floor and attachment (`floors` columns),
+        which starts at the present time."""
         prepared, old = self._case.prepared, self._space
         forces = np.zeros((floors, rows.FORCE_COLUMNS))
         forces[:, rows.FLOOR] = np.arange(floors)
@@ -200,7 +229,19 @@ class Stepper(Described):
 
     def _extend_table(self, more: int) -> None:
         """Copy the points of all tables of forces, with space for more points of the floors."""
-        width = self._prepared.building.floors + 1
+        building = self._prepared.building
+        width = building.floors + len(building.attachments) + 1
         points = np.append(self._prepared.points, np.zeros(more * width))
         self._prepared = replace(self._prepared, points=points)
         self._table = points[self._case.prepared.points.size :].reshape(-1, width)
+
+
+def _finite(values: object) -> Array | None:
+    """Return values as an array of finite numbers; None if they are something else, such as texts
+    or complex numbers."""
+    try:
+        array = np.asarray(values)
+        array = array.astype(float) if array.dtype.kind in "fiuO" else np.full(1, math.nan)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return array if np.isfinite(array).all() else None
