@@ -45,7 +45,8 @@ _ORIGIN = "; ORIGIN "
 def is_at2(lines: list[str]) -> object:
     """Return True if a file has a line with NPTS and DT, followed by numbers."""
     indices = [index for index, line in enumerate(lines) if _count_and_step(line)]
-    if not indices:
+    # A comment above columns is the header of a text table.
+    if not indices or lines[indices[-1]].lstrip().startswith(("#", "%", "!")):
         return False
     # Like `read_at2`, this check uses the last of several lines with NPTS and DT.
     next_line = next((line for line in lines[indices[-1] + 1 :] if line.strip()), None)

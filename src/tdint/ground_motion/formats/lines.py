@@ -670,7 +670,7 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
         index = int(np.argmin(increases))
         raise RecordError(
             f"times must increase, but do not after sample {index} (counted from 0) at "
-            f"{times[index]:g} s"
+            f"{times[index]:g} s; remove a repeated row, or split the file if another record starts"
         )
     dt, departure = _mean_step(times)
     if not departure:

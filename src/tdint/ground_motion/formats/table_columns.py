@@ -29,7 +29,7 @@ _UNITS_AT_END = re.compile(
 )
 _SEPARATORS = ",;\t"
 _COMPONENT = (
-    r"[nsewudzvhxylr]\d?|[nsewud]-?[nsewud]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
+    r"[nsewudzvhxylr]\d?|[nsewudo]-?[nsewudo]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
     r"trans(?:v(?:erse)?)?|long(?:itudinal)?|rad(?:ial)?|\d{1,3}|[a-z][hn][a-z0-9]|[ns]\d{1,2}[ew]"
 )
 _TIMES = ("t", "time", "times", "s", "sec", "zeit", "temps", "tiempo", "tempo")

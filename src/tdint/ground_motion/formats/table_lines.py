@@ -117,6 +117,11 @@ class Numbers:
         )
 
     @property
+    def is_complete(self) -> bool:
+        """True if the last line has as many values as most lines."""
+        return int(self.widths[-1]) == self.width
+
+    @property
     def sizes(self) -> tuple[int, int]:
         """Number of lines and of values."""
         return self.widths.size, self.values.size
@@ -275,7 +280,7 @@ def _row_of_list(line: str) -> tuple[str, str]:
         row = re.sub(r"\.\.\.\s*$", " ", text).translate(_LIST_MARKS).rstrip(_BLANKS)
         # A number in brackets after text, such as `Depth (24.5)`, is not a list.
         is_list = not words.strip() or (
-            len(row.split()) > 1 and "." in row and not (mark == "(" and ")" in text)
+            len(re.split(r"[\s,;]+", row)) > 1 and "." in row and not (mark == "(" and ")" in text)
         )
         if row and is_list and _is_row(row):
             return row, words.strip()[:_MAX_HEADER_LINE]

@@ -168,6 +168,7 @@ _WORD = re.compile(
     r"(?<![A-Z0-9])(?P<quantity>ACC|VEL|DISP?)(?![A-Z0-9])",
     re.IGNORECASE,
 )
+_SMC = re.compile(r"_(?P<quantity>[AVD])\.SMC$", re.IGNORECASE)
 _VOLUME = re.compile(r"\.V(?P<quantity>[12])(?=[A-Z]?$)", re.IGNORECASE)
 """Patterns of the part of a name that states the quantity: PEER (.AT2, .VT2, .DT2), names of ESM,
 ITACA and programs (.ACC., _VEL.txt, .dis), and the volumes of strong-motion records (.V1
@@ -198,7 +199,7 @@ def repeated_motions(names: Iterable[str]) -> dict[str, str]:
     motions: dict[tuple[str, str, str], list[tuple[int, str, str]]] = {}
     for name in names:
         path = PurePath(name)
-        for pattern in (_PEER, _VOLUME, _WORD):
+        for pattern in (_PEER, _SMC, _VOLUME, _WORD):
             if match := pattern.search(path.name):
                 rank, quantity = _QUANTITIES[match["quantity"][0].upper()]
                 start, end = match.span("quantity")

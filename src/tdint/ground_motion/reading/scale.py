@@ -207,6 +207,11 @@ def are_counts(trace: Any) -> bool:
     return trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
 
 
+def are_whole(samples: NDArray[Any]) -> bool:
+    """Return True if all samples are whole numbers, and not all are zero."""
+    return bool(np.any(samples)) and not np.any(samples % 1.0)
+
+
 def declared_units(
     trace: Any, format_name: str, label: str, specified: Units | None = None
 ) -> Declared | None:
@@ -404,7 +409,13 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     code = str(trace.stats.channel).upper()
     likely = likely_units(float(np.max(np.abs(trace.data), initial=0.0)))
     # The empty text in `tdint_units` means that the user must specify the units.
-    if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
+    if "sac" in trace.stats and are_whole(trace.data):
+        problem = (
+            "the file does not state the units of its samples, and all are whole numbers, probably "
+            f"counts, of which each has a value; {_SPECIFY_COUNT_OR_RESPONSE}"
+        )
+        likely = "0.001 cm/s^2"
+    elif format_name != "MSEED" or trace.stats.get("tdint_units") == "":
         problem = f"the file does not state the units of its samples; {_ANY_UNITS}"
     elif len(code) != 3 or code[1] != _ACCELEROMETER:
         problem = (
@@ -483,7 +494,7 @@ def _why_unlikely(trace: Any, label: str) -> tuple[str, str]:
         return f"the mean is {mean:.5g}, probably {_GRAVITIES[gravity]}", (
             "g" if gravity == 1.0 else "m/s^2"
         )
-    if peak and not np.any(samples % 1.0):
+    if are_whole(samples):
         return (
             "all samples are whole numbers, probably counts, of which each has a value",
             "0.001 cm/s^2",
