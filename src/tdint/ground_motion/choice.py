@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatchcase
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import pattern_of
@@ -91,6 +91,7 @@ class TextLayout(_OptionalFields):
     skip_lines: int | None = None
     rows: bool = False
     one_sided: bool = False
+    is_resampled: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Validate the values, and convert the columns to a tuple of texts."""
@@ -169,6 +170,12 @@ class TextLayout(_OptionalFields):
                 f"`step={self.step:.9g}`; remove it, or compress the time by "
                 f"`time_scale={self.step / dt:.6g}`"
             )
+
+
+class ResampledLayout(TextLayout):
+    """Layout of a record that is resampled: samples at unequal times are interpolated."""
+
+    is_resampled = True
 
 
 AS_STATED = TextLayout()

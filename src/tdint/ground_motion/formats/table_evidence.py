@@ -266,7 +266,8 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
             if (width == 1 or is_timed) and (used == 1 or count >= MIN_COUNT):
                 return FirstNumbers(count, 0.0, used)
         is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
-        is_column = width == 1 and len(whole) + len(steps) == len(texts)
+        # A zero below the interval is the first sample.
+        is_column = width == 1 and len(whole) + len(steps) == len(texts) and first[-1] != 0.0
         if unconfirmed is None and is_header and (is_other or is_column or is_timed):
             unconfirmed = used, whole, steps[0]
     if unconfirmed is not None:
@@ -480,7 +481,9 @@ def _interval_alone(
     if not (is_specified or _is_plausible(value)):
         return FirstNumbers()
     has_jump, excess = _differs(values, 1)
-    if (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
+    # A motion starts with a zero, not next to a zero.
+    is_above_zero = is_specified and values[1] == 0.0
+    if is_above_zero or (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
         return FirstNumbers(0, value, 1, _first_lines_note(1, number, value))
     texts = [row[0] for row in words]
     decimals = {len(text.partition(".")[2]) for text in texts[1:]}

@@ -80,6 +80,14 @@ def counts_rows(column: NDArray[np.float64]) -> bool:
     )
 
 
+def has_pairs(numbers: Numbers) -> bool:
+    """Return True if each line consists of pairs of a time and a value."""
+    table = numbers.table()
+    width = table.shape[1]
+    pairs = axis(table.reshape(-1, 2)[:, 0]) if width > 2 and not width % 2 else None
+    return pairs is not None and pairs.is_even
+
+
 class Roles(NamedTuple):
     """Roles of the columns.
 
@@ -109,11 +117,10 @@ def column_roles(numbers: Numbers, names: Names, text: frozenset[int], layout: T
     if not numbers.is_regular or len(table := numbers.table()) < 2:
         return Roles(ignored=text)
     width = table.shape[1]
-    if not names and width > 2 and not width % 2:
-        pairs = axis(table.reshape(-1, 2)[:, 0])
-        if pairs is not None and pairs.is_even:
-            return Roles(0, text, has_pairs=True)
-    counted = {i for i in range(width) if i not in text and counts_rows(table[:, i])}
+    if has_pairs(numbers):
+        return Roles(0, text, has_pairs=True)
+    counted = set() if width == 1 else set(filter(lambda i: counts_rows(table[:, i]), range(width)))
+    counted -= text
     named = {i for i, name in enumerate(names) if name.quantity == TIME and i not in text}
     if named:
         best = min(named)
@@ -125,12 +132,12 @@ def column_roles(numbers: Numbers, names: Names, text: frozenset[int], layout: T
         units = names[index].units if names else ""
         if quantity_of_units(units):
             continue
-        found = axis(table[:, index])
+        found = axis(table[:, index]) or (axis(-table[:, index]) if width == 1 else None)
         is_first = index == others[0] and not (names or layout.rows)
-        may_be_pulse = width == 1 and (layout.one_sided or not found or not found.is_even)
+        may_be_pulse = width == 1 and (layout.one_sided or len(table) < _MIN_STEPS)
         if found and (found.is_even or is_first) and not may_be_pulse:
             return Roles(index, text | {i for i in counted if i < index or not names})
-    return Roles(None, text | (counted if width > 1 else set()))
+    return Roles(None, text | counted)
 
 
 def other_columns(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isclose
+from math import inf, isclose
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP, TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, Statements
-from tdint.ground_motion.formats.lines import agrees_with_times, equal_steps, last_decimal
+from tdint.ground_motion.formats.lines import (
+    agrees_with_times,
+    at_equal_steps,
+    equal_steps,
+    last_decimal,
+)
 from tdint.ground_motion.formats.series import (
     Series,
     code,
@@ -35,6 +40,7 @@ from tdint.ground_motion.formats.table_roles import Names, Roles, other_columns
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, last_place
 from tdint.ground_motion.missing import IncompleteRecord, Missing, OtherContent, likely_units
 from tdint.ground_motion.origin import stated_origin
+from tdint.ground_motion.record import has_one_sign
 
 
 @dataclass(frozen=True)
@@ -102,6 +108,8 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
 
     `reason` explains why the lines continue one ground motion; empty if the columns are separate.
     """
+    if layout.is_resampled and table.roles.time is not None:
+        table = _at_equal_steps(table, layout, table.roles.time)
     stated, names, columns = table.stated, table.names, table.columns
     if len(stated.units) > 1:
         warnings.warn(
@@ -188,6 +196,12 @@ def _accelerations(table: TableColumns, layout: TextLayout) -> list[int]:
         return candidates
     for quantity in MOTIONS:
         if named := [index for index in candidates if names[index].quantity == quantity]:
+            # A column with values of both signs next to components may be another component.
+            unknown = [i for i in candidates if names[i].quantity == OTHER and not names[i].units]
+            if any(names[i].component for i in named) and not all(
+                has_one_sign(table.columns[i]) for i in unknown
+            ):
+                break
             return named
     if len(candidates) == 1 and is_general(names[candidates[0]]):
         return candidates
@@ -251,7 +265,7 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
     raise incomplete(message, table, layout, Missing(step=True))
 
 
-_CLOCKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_CLOCKS = {unit: SECONDS[unit] for unit in ("s", "ms", "us", "ns")}
 _EPOCH = (1e9, 4e9)  # s since 1970: the years 2001 to 2096
 
 
@@ -268,7 +282,7 @@ def _times(table: TableColumns, layout: TextLayout, index: int) -> NDArray[np.fl
     step, first = float(np.median(np.diff(times))), float(times[0])
     stated = (*table.stated.intervals, layout.step or 0.0)
     if units not in SECONDS:
-        raise RecordError(f"the times must be in s or ms, but the header states {units!r}")
+        raise RecordError(f"the times must be in s, ms, us or ns, but the header states {units!r}")
     for unit, scale in _CLOCKS.items():
         if _EPOCH[0] <= scale * first < _EPOCH[1] and scale * step <= MAX_STEP:
             warnings.warn(f"the times are read in {unit} since 1970", stacklevel=2)
@@ -282,12 +296,26 @@ def _times(table: TableColumns, layout: TextLayout, index: int) -> NDArray[np.fl
             return times * scale
     if table.stated.intervals:
         return times
+    unit = next((unit for unit, scale in _CLOCKS.items() if scale * step <= MAX_STEP), "ns")
     raise incomplete(
         f"the times increase by {step:g} per line, too much for a sampling interval in s; if they "
-        f"are in ms, specify `step={1e-3 * step:g}`, or name the column `Time (ms)`",
+        f"are in {unit}, specify `step={SECONDS[unit] * step:g}`, or name the column `Time "
+        f"({unit})`",
         table,
         layout,
         Missing(),
+    )
+
+
+def _at_equal_steps(table: TableColumns, layout: TextLayout, time: int) -> TableColumns:
+    """Return a table with all columns interpolated at equal steps, without times."""
+    count = np.arange(len(table.columns[time]), dtype=float)
+    rows, dt = at_equal_steps(_times(table, layout, time), count, inf)
+    return replace(
+        table,
+        columns=[np.interp(rows, count, column) for column in table.columns],
+        stated=replace(table.stated, intervals=(dt,)),
+        roles=Roles(ignored=table.roles.ignored | {time}),
     )
 
 

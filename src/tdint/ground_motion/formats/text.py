@@ -77,9 +77,11 @@ from tdint.ground_motion.formats.table_lines import (
 from tdint.ground_motion.formats.table_roles import (
     Names,
     Roles,
+    are_times,
     axis,
     column_roles,
     counts_rows,
+    has_pairs,
 )
 from tdint.ground_motion.formats.table_series import TableColumns, incomplete, table_components
 from tdint.ground_motion.messages import caught_messages
@@ -231,7 +233,9 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
     stated = statements([*header, *text.below])
     _check_content(names, header, stated)
     first = FirstNumbers()
-    if stated.counts.isdisjoint(numbers.sizes):
+    # The numbers of a ramp continue each other.
+    is_ramp = numbers.width == 1 and are_times(numbers.values)
+    if stated.counts.isdisjoint(numbers.sizes) and not is_ramp:
         first = first_numbers(block, numbers, layout)
         start, end = (first.lines, None) if first.lines else _stated_part(block, numbers, stated)
         if not (start or end):
@@ -251,6 +255,8 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
         _check_blank_lines(block)
 
     roles = column_roles(numbers, names, text.ignored, layout)
+    if roles.has_pairs:
+        names = names[:2]
     if roles.time is not None and not (names or stated.intervals):
         _check_unit_of_times(header)
     table = TableColumns([], names, stated, roles, layout.one_sided)
@@ -315,20 +321,30 @@ _SPECTRAL_WORD = re.compile(r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b", re
 
 
 def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
-    """Raise an error if a table contains only times, or if its values have one sign, and its first
-    column may be periods or frequencies: the header mentions a spectrum, or the column is not named
-    as a time. `T` is also the symbol of a period.
+    """Raise an error if a table contains only times or a list of peaks, or if its values have one
+    sign, and its first column may be periods or frequencies: the header mentions a spectrum, or the
+    column is not named as a time. `T` is also the symbol of a period.
     """
     names, time = table.names, table.roles.time
-    if time is None or table.one_sided:
+    if table.one_sided:
         return
-    if not (table.values or table.roles.ignored):
+    if time is not None and not (table.values or table.roles.ignored):
         raise OtherContent(
-            "the only column increases by equal steps: times, periods or frequencies, not a ground "
-            "motion; specify the file of the acceleration, or, for a ramp, `one_sided`",
+            "the only column increases or decreases in all rows: times, periods or frequencies, "
+            "not a ground motion; specify the file of the acceleration, or, for a ramp, "
+            "`one_sided`",
             "times",
         )
     values = [table.columns[index] for index in table.candidates]
+    if time is None:
+        is_bare = len(values) == 1 and not (table.stated.intervals or table.stated.units)
+        if is_bare and has_one_sign(values[0]) and np.ptp(values[0]) > 0.0:
+            raise RecordError(
+                "no value is below zero, or none is above, and the file states neither times nor "
+                "units: a list of peaks, not a ground motion; if the values are a pulse of one "
+                "sign, specify `one_sided`"
+            )
+        return
     first = names[time].text if names and names[time].quantity == TIME else ""
     has_motion = any(name.quantity in MOTIONS for name in names)
     texts = [*header, *(name.text for name in names)]
@@ -498,7 +514,7 @@ def _check_surroundings(
         damaged = sum(map(_resembles_number, words))
         # A line with a unit or a sampling interval is a header.
         is_damaged = len(words) in widths and damaged and 2 * damaged >= len(words)
-        if is_damaged and not statements([line]):
+        if is_damaged and not (statements([line]) or COMMENT.fullmatch(line)):
             raise RecordError(
                 f"{where}: {line.strip()[:60]!r} next to the samples must contain numbers; correct "
                 "or remove it"
@@ -697,11 +713,9 @@ def _names_and_header(
     for index in range(len(above) - 1, max(len(above) - 1 - _MAX_LINES_BELOW_NAMES, -1), -1):
         names = column_names(above[index], separator) or column_names(above[index])
         others = [*above[:index], *above[index + 1 :]]
-        if (
-            len(names) == width - 1 > 0
-            and numbers.is_regular
-            and counts_rows(numbers.table()[:, 0])
-        ):
+        first = numbers.table()[:, 0] if numbers.is_regular else np.ones(1)
+        # Names of rows are texts, which are zero here, or numbers of the rows.
+        if len(names) == width - 1 > 0 and (counts_rows(first) or not np.any(first)):
             names = (ColumnName(OTHER), *names)  # the column of row names has no name
         if len(names) == width:
             units = above[index + 1 :]
@@ -748,10 +762,15 @@ def _other_names(
         )
         return names if accelerations and (has_time or is_numbered) else ()
     is_sentence = not re.search(r"[,;\t]|\s{2,}", lines[0].strip())
+    if is_sentence and (_SENTENCE.search(lines[0]) or has_pairs(numbers)):
+        return ()
     is_selected = any(_has_name(names, column) for column in layout.column)
     is_named = not is_sentence or has_time or is_selected or bool(layout.skip_lines)
     return names if is_named else ()
 
+
+_SENTENCE = re.compile(r"\b(?:of|the|at|in|for|from|del?|series|history)\b", re.IGNORECASE)
+"""Pattern of words that occur in titles, not in the names of columns."""
 
 _NUMBER = re.compile(r"#|n|no\.?|nr\.?|number|index|i|row|line|points?|samples?|counts?")
 """Pattern of the name of a first column that numbers the lines."""

@@ -494,6 +494,7 @@ def _with_usual_numbers(data: bytes) -> bytes:
         data = data.replace(_MINUS, b"-")
     if b"," not in data:
         return data
+    data = _without_grouping_dots(data)
     if b'"' in data:
         data = _with_plain_quoted_numbers(data)
     if b";" in data or b"\t" in data:
@@ -527,6 +528,26 @@ def _with_plain_quoted_numbers(data: bytes) -> bytes:
     if not are_thousands and any(text.count(b",") > 1 or b"." in text for text in quoted):
         return data
     return re.sub(_QUOTED, lambda match: match[1].replace(b",", mark), data)
+
+
+_DOTTED = rb"[-+]?[1-9]\d{0,2}(?:\.\d{3})+"
+
+
+def _without_grouping_dots(data: bytes) -> bytes:
+    """Return a text file without points that separate thousands: `1.067,72` becomes `1067,72`.
+
+    Points separate thousands if the file also has decimal commas in cells that no comma separates,
+    and if each number with a point may have such groups.
+    """
+    if b"." not in data or re.search(rb"(?<![\d.])0?\.\d", data):
+        return data
+    cells = set(re.split(rb'[;\s"]+', data))
+    pointed = {cell for cell in cells if re.fullmatch(rb"[-+]?\d[\d,]*\.[\d.,]*", cell)}
+    are_groups = all(re.fullmatch(_DOTTED + rb"(?:,\d+)?", cell) for cell in pointed)
+    has_commas = any(re.fullmatch(rb"[-+]?\d{1,3},\d+", cell) for cell in cells)
+    if not (are_groups and has_commas):
+        return data
+    return re.sub(_DOTTED + rb"(?![\d.])", lambda cell: cell[0].replace(b".", b""), data)
 
 
 _COMMA_NUMBER = rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?"
@@ -645,9 +666,15 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
 
     Text tables, which have no mark of a format, are tried after all formats.
     """
+    from tdint.ground_motion.formats.at2 import has_columns
+
     with caught_messages():  # Warnings of formats that do not match are ignored.
         for plugin in plugins():
-            if plugin.name != TEXT_TABLE and _recognizes(plugin, data):
+            if (
+                plugin.name != TEXT_TABLE
+                and _recognizes(plugin, data)
+                and not (plugin.name == "AT2" and has_columns(data))
+            ):
                 return _Recognized(plugin.name, partial(_call, plugin.read_format, data))
         from tdint.ground_motion.formats.text import find_table  # needed only for tables
 
