@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from fuzz import api, changed_models, model_files, stores, studies
+from fuzz import api, changed_models, model_files, stores, studies, table_files
 from fuzz.corpus import corpus
 from fuzz.kinds import KINDS
 from fuzz.oracle import REFUSED, Failure, outcome, read
@@ -82,6 +82,14 @@ def test_intact_studies_are_done(work, name):
     """Fits take seconds and are tested in tests/cli/studies/test_compare.py."""
     lines = {line for line in studies.STUDIES[name].lines if "--fit" not in line}
     assert {run(list(line)) for line in lines} == {"done"}
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_motions_of_random_tables(tmp_path, part):
+    """No table is misread, no motion is refused, and damaged tables are refused."""
+    seeds = range(50 * part, 50 * part + 50)
+    found = {seed: table_files.outcome(seed, tmp_path / "table.txt") for seed in seeds}
+    assert set(found.values()) == {table_files.RIGHT, table_files.REFUSED}, found
 
 
 @pytest.mark.slow

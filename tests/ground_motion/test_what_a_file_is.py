@@ -233,7 +233,9 @@ def test_table_of_long_lines(tmp_path, mark, names):
 def test_times_that_cannot_be_seconds(tmp_path):
     for factor, unit in ((1000, "ms"), (1_000_000, "us")):
         content = table(factor * T, A, forms=["%d", "%.5f"])
-        assert states(message(tmp_path, content, "g"), f"times increase by ... in {unit}, specify `step=")
+        assert states(
+            message(tmp_path, content, "g"), f"times increase by ... in {unit}, specify `step="
+        )
         record = is_right(tmp_path, content, "g", step=DT)
         assert any(f"times are read in {unit}" in note for note in record.notes)
 

@@ -54,13 +54,12 @@ _ORDINATE = re.compile(
 
 _NO_MOTION = re.compile(
     r"(?:.* )?(?:arias|intensit\w*|cav|fas|fourier|fft|psd|spectr\w*|espectro|spettro|housner|"
-    r"husid|pga|pgv|pgd|energy|cumulative|gyro\w*|magnet\w*|latitude|longitude|altitude|pressure|"
-    r"battery\w*|temperature|humidity|speed|bearing|q[wxyz]|roll|pitch|yaw)(?: .*)?|i[ _]?a|"
-    r"p?s[av]|psd|rotd\d+"
+    r"husid|pga|pgv|pgd|energy|cumulative|gyro\w*|magnet\w*|latitude|longitude|pressure|"
+    r"temperature)(?: .*)?|i[ _]?a|p?s[av]|psd|rotd\d+"
 )
 """Pattern of a name that states a quantity other than a ground motion."""
 
-_NO_MOTION_UNITS = re.compile(r"(?:rad|deg|°)(?:/s)?|dps|[uµμ]t|h?pa|m?bar|°c|lx|db")
+_NO_MOTION_UNITS = re.compile(r"(?:rad|deg|°)(?:/s)?|[uµμ]t|h?pa|°c")
 """Pattern of the units of the other sensors of a telephone."""
 
 _RESULTANT = re.compile(

@@ -50,11 +50,12 @@ class Axis(NamedTuple):
 
 def axis(column: NDArray[np.float64]) -> Axis | None:
     """Return the steps of a column that increases in nearly all rows; None for other columns."""
-    steps = np.diff(column)
+    for part in (column[: column.size // 16], column):  # a motion is recognized by its first part
+        steps = np.diff(part)
+        breaks = steps.size - int(np.count_nonzero(steps > 0.0))
+        if breaks > max(_MAX_BREAKS * column.size, column.size > _MIN_STEPS):
+            return None
     if not steps.size:
-        return None
-    breaks = steps.size - int(np.count_nonzero(steps > 0.0))
-    if breaks > max(_MAX_BREAKS * steps.size, steps.size >= _MIN_STEPS):
         return None
     if column.size < MIN_TIMES or np.ptp(steps) <= _NEARLY * np.min(steps):
         return Axis(column.size >= MIN_TIMES)  # usually, and without the sorting of the steps
@@ -69,8 +70,7 @@ def axis(column: NDArray[np.float64]) -> Axis | None:
 
 def are_times(column: NDArray[np.float64]) -> bool:
     """Return True if all numbers increase, mostly by nearly the same step."""
-    found = axis(column)
-    return found is not None and found.is_even and not found.breaks
+    return axis(column) == Axis(is_even=True)
 
 
 def counts_rows(column: NDArray[np.float64]) -> bool:
@@ -85,7 +85,7 @@ def has_pairs(numbers: Numbers) -> bool:
     table = numbers.table()
     width = table.shape[1]
     pairs = axis(table.reshape(-1, 2)[:, 0]) if width > 2 and not width % 2 else None
-    return pairs is not None and pairs.is_even
+    return bool(pairs and pairs.is_even)
 
 
 class Roles(NamedTuple):
@@ -119,22 +119,20 @@ def column_roles(numbers: Numbers, names: Names, text: frozenset[int], layout: T
     width = table.shape[1]
     if has_pairs(numbers):
         return Roles(0, text, has_pairs=True)
-    counted = set() if width == 1 else set(filter(lambda i: counts_rows(table[:, i]), range(width)))
-    counted -= text
+    is_single = width == 1
+    counted = {i for i in range(width) if not (is_single or i in text) and counts_rows(table[:, i])}
     named = {i for i, name in enumerate(names) if name.quantity == TIME and i not in text}
     if named:
-        best = min(named)
-        if len(named) > 1:
-            best = max(named, key=lambda i: (bool(axis(table[:, i])), bool(names[i].units), -i))
+        best = max(named, key=lambda i: (bool(axis(table[:, i])), bool(names[i].units), -i))
         return Roles(best, text | (counted & set(range(best))) | (named - {best}))
     others = [i for i in range(width) if i not in text | counted]
     for index in others:
         units = names[index].units if names else ""
         if quantity_of_units(units):
             continue
-        found = axis(table[:, index]) or (axis(-table[:, index]) if width == 1 else None)
+        found = axis(table[:, index]) or (axis(table[::-1, index]) if is_single else None)
         is_first = index == others[0] and not (names or layout.rows)
-        may_be_pulse = width == 1 and (layout.one_sided or len(table) < _MIN_STEPS)
+        may_be_pulse = is_single and (layout.one_sided or len(table) < _MIN_STEPS)
         if found and (found.is_even or is_first) and not may_be_pulse:
             return Roles(index, text | {i for i in counted if i < index or not names})
     return Roles(None, text | counted)

@@ -298,7 +298,7 @@ def _times(table: TableColumns, layout: TextLayout, index: int) -> NDArray[np.fl
         return times
     unit = next((unit for unit, scale in _CLOCKS.items() if scale * step <= MAX_STEP), "ns")
     raise incomplete(
-        f"the times increase by {step:g} per line, too much for a sampling interval in s; if they "
+        f"the times increase by {step:g} per line, too much for steps in s; if they "
         f"are in {unit}, specify `step={SECONDS[unit] * step:g}`, or name the column `Time "
         f"({unit})`",
         table,

@@ -5,7 +5,8 @@ contains declarations `key = value`, statements in free wording and names of col
 the largest block follows from evidence, in this order:
 
 1. numbers in the first lines that are no samples (`table_evidence.first_numbers`);
-2. a column of times: it is named as a time, or its values increase by equal steps;
+2. the roles of the columns (`table_roles.column_roles`): a column of times is named as a time, or
+   its values increase by equal steps in nearly all rows;
 3. the number of samples in the header: it is the number of values (rows of samples) or the number
    of lines (columns);
 4. the options of the user (`TextLayout.rows`, `TextLayout.column`);
@@ -234,8 +235,9 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
     _check_content(names, header, stated)
     first = FirstNumbers()
     # The numbers of a ramp continue each other.
-    is_ramp = numbers.width == 1 and are_times(numbers.values)
-    if stated.counts.isdisjoint(numbers.sizes) and not is_ramp:
+    if stated.counts.isdisjoint(numbers.sizes) and not (
+        numbers.width == 1 and are_times(numbers.values)
+    ):
         first = first_numbers(block, numbers, layout)
         start, end = (first.lines, None) if first.lines else _stated_part(block, numbers, stated)
         if not (start or end):
@@ -317,7 +319,9 @@ def _check_content(names: Names, header: Sequence[str], stated: Statements) -> N
         )
 
 
-_SPECTRAL_WORD = re.compile(r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b", re.IGNORECASE)
+_SPECTRAL_WORD = re.compile(
+    r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b|\bpg[avd]\b", re.IGNORECASE
+)
 
 
 def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
@@ -326,26 +330,16 @@ def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
     column is not named as a time. `T` is also the symbol of a period.
     """
     names, time = table.names, table.roles.time
-    if table.one_sided:
+    values = [table.columns[index] for index in table.candidates]
+    if table.one_sided or (time is None and len(values) != 1):
         return
-    if time is not None and not (table.values or table.roles.ignored):
+    if not (table.values or table.roles.ignored):
         raise OtherContent(
-            "the only column increases or decreases in all rows: times, periods or frequencies, "
-            "not a ground motion; specify the file of the acceleration, or, for a ramp, "
-            "`one_sided`",
+            "the only column always increases or decreases, as times and periods do; for a ramp, "
+            "specify `one_sided`",
             "times",
         )
-    values = [table.columns[index] for index in table.candidates]
-    if time is None:
-        is_bare = len(values) == 1 and not (table.stated.intervals or table.stated.units)
-        if is_bare and has_one_sign(values[0]) and np.ptp(values[0]) > 0.0:
-            raise RecordError(
-                "no value is below zero, or none is above, and the file states neither times nor "
-                "units: a list of peaks, not a ground motion; if the values are a pulse of one "
-                "sign, specify `one_sided`"
-            )
-        return
-    first = names[time].text if names and names[time].quantity == TIME else ""
+    first = names[time].text if names and time is not None else ""
     has_motion = any(name.quantity in MOTIONS for name in names)
     texts = [*header, *(name.text for name in names)]
     word = next((match[0] for text in texts if (match := _SPECTRAL_WORD.search(text))), "")
@@ -357,10 +351,12 @@ def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
             "spectrum",
         )
     may_be = not first or first.partition(" ")[0] == "T"
+    if time is None:  # a constant is no list of peaks
+        may_be = not (table.stated.intervals or table.stated.units) and bool(np.ptp(values[0]))
     if may_be and values and all(map(has_one_sign, values)):
         raise RecordError(
-            "no value is below zero, or none is above, and the first column may be periods or "
-            "frequencies of a spectrum; if the values are a pulse of one sign, specify `one_sided`"
+            "no value is below zero, or none is above: a list of peaks, or a spectrum with periods "
+            "or frequencies; for a pulse of one sign, specify `one_sided`"
         )
 
 
@@ -769,7 +765,7 @@ def _other_names(
     return names if is_named else ()
 
 
-_SENTENCE = re.compile(r"\b(?:of|the|at|in|for|from|del?|series|history)\b", re.IGNORECASE)
+_SENTENCE = re.compile(r"\b(?:of|the|in|for|del?|series|history)\b", re.IGNORECASE)
 """Pattern of words that occur in titles, not in the names of columns."""
 
 _NUMBER = re.compile(r"#|n|no\.?|nr\.?|number|index|i|row|line|points?|samples?|counts?")

@@ -15,7 +15,8 @@ import codecs
 import hashlib
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
@@ -29,6 +30,7 @@ from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
+from tdint.units import parse_units
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -90,6 +92,16 @@ _TAR_MARK = slice(257, 262)  # position of the signature of a tar archive
 
 _COMPRESSIONS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 """Compression programs by the first bytes of their files."""
+
+_LOADED_BY = {
+    rb"MATLAB 5": ("MATLAB", "scipy.io.loadmat({!r})['NAME']"),
+    rb"MATLAB 7|\x89HDF": ("HDF5", "h5py.File({!r})['NAME'][()]"),
+    rb"\x93NUMPY": ("NumPy", "numpy.load({!r})"),
+    rb"\{.*\}\s*\n\s*\{": ("JSON", "[json.loads(line)['NAME'] for line in open({!r})]"),
+    rb"\s*[\[{]": ("JSON", "json.load(open({!r}))['NAME']"),
+}
+"""Types of files and Python expressions that load the samples, by a pattern of the first bytes;
+NAME is the name of the samples."""
 
 
 def read_bytes(source: str | Path) -> bytes:
@@ -307,18 +319,48 @@ def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
     data = _with_usual_numbers(data)
     try:
         recognized = _require_format(data, source, layout)
-        if recognized.format != TEXT_TABLE:
+        if recognized.format not in (TEXT_TABLE, *_WITH_QUANTITY):
             return ""
-        # Tables may be response spectra, which only their reader recognizes.
+        # These files may be response spectra, which only their reader recognizes.
         if not (content := other_type(source, data)):
             _read(recognized)
     except OtherContent as error:
-        return "" if has_data_suffix(source) else error.content
+        is_listed = error.content == "spectrum" or not has_data_suffix(source)
+        return error.content if is_listed else ""
     except RecordError:
         content = other_type(source, data)
         if not (content or has_data_suffix(source)) and has_few_numbers(data):
             return "no numbers"
     return content
+
+
+_WITH_QUANTITY = ("COSMOS", "SMC")
+"""Formats of programs that write the acceleration, the velocity and the displacement of a motion to
+separate files."""
+
+
+def repeated_quantities(
+    names: Iterable[str], read: Callable[[str], bytes] = read_bytes
+) -> dict[str, str]:
+    """Return the names of the velocities and displacements of motions with an acceleration that is
+    in another file, by the content of the files, with their quantity."""
+    motions: dict[tuple[Any, ...], dict[str, str]] = {}
+    for name in names:
+        # Reading the file later reports its error.
+        with caught_messages(), suppress(Exception):
+            data = read(name)
+            for plugin in plugins():
+                if plugin.name in _WITH_QUANTITY and _recognizes(plugin, data):
+                    trace = _call(plugin.read_format, data)[0]
+                    units = parse_units(trace.stats.tdint_units)
+                    key = (Path(name).parent, trace.id, str(trace.stats.starttime))
+                    motions.setdefault(key, {})[name] = units.quantity
+    return {
+        name: quantity
+        for quantities in motions.values()
+        for name, quantity in quantities.items()
+        if quantity != "acceleration" and "acceleration" in quantities.values()
+    }
 
 
 def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
@@ -401,7 +443,8 @@ def _records_in_archive(
     if any(name.endswith(_SPREADSHEET_MEMBERS) for name, _ in files):
         raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV", "spreadsheet")
     unused = {name: _other_content(content, name, layout) for name, content in files}
-    unused |= repeated_motions(name for name, why in unused.items() if not why)
+    names = [name for name, why in unused.items() if not why]
+    unused |= repeated_motions(names) | repeated_quantities(names, dict(files).__getitem__)
     records = [(name, content) for name, content in files if not unused[name]]
     return records, {name: why for name, why in unused.items() if why}
 
@@ -468,13 +511,13 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
 
 
 def is_json(data: bytes) -> bool:
-    """Return True if a file contains an object or a list of JSON."""
+    """Return True if a file contains an object or a list of JSON, or objects in separate lines."""
     if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in (b"{", b"["):
         return False
     import json  # imported late: needed only for files that may be JSON
 
     try:
-        json.loads(data)
+        json.loads(data.partition(b"\n{")[0] if data.startswith(b"{") else data)
     except (ValueError, RecursionError):
         return False
     return True
@@ -494,60 +537,35 @@ def _with_usual_numbers(data: bytes) -> bytes:
         data = data.replace(_MINUS, b"-")
     if b"," not in data:
         return data
-    data = _without_grouping_dots(data)
+    data = _without_groups(data, rb"\.", b",")
+    if b";" in data or b"\t" in data or b'"' in data:
+        data = _without_groups(data, b",", rb"\.")
     if b'"' in data:
-        data = _with_plain_quoted_numbers(data)
-    if b";" in data or b"\t" in data:
-        data = _GROUPED_CELL.sub(lambda cell: cell[0].replace(b",", b""), data)
+        data = re.sub(_QUOTED, rb"\1.\2", data)
     return _with_decimal_points(data)
 
 
 _MINUS = "\N{MINUS SIGN}".encode()
-_GROUPED = rb"[-+]?[1-9]\d{0,2}(?:,\d{3})+\.\d+"
-_GROUPED_CELL = re.compile(
-    rb"(?<=[;\t])[ ]*" + _GROUPED + rb"(?=[ ]*[;\t\r\n])|^[ ]*" + _GROUPED + rb"(?=[;\t])",
-    re.MULTILINE,
-)
-"""Pattern of a cell between semicolons or tabs with separators of thousands, such as 1,005.4."""
-
-_QUOTED = rb'"\s*([-+]?\d+(?:,\d+)+(?:\.\d*)?(?:[EeDd][-+]?\d+)?)\s*"'
-_THOUSANDS = rb"[-+]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?"
+_QUOTED = rb'"\s*([-+]?\d+),(\d+(?:[EeDd][-+]?\d+)?)\s*"'
+"""Pattern of a number between quotation marks with a decimal comma."""
 
 
-def _with_plain_quoted_numbers(data: bytes) -> bytes:
-    """Return a text file without the commas in numbers between quotation marks: separators of
-    thousands are omitted, decimal commas become points. Commas are separators of thousands if each
-    of these numbers may have them, and another number has a decimal point."""
-    quoted = {match[1] for match in re.finditer(_QUOTED, data)}
-    if not quoted:
-        return data
-    are_thousands = all(re.fullmatch(_THOUSANDS, text) for text in quoted) and (
-        any(b"." in text for text in quoted) or bool(re.search(rb"\d\.\d", data))
-    )
-    mark = b"" if are_thousands else b"."
-    if not are_thousands and any(text.count(b",") > 1 or b"." in text for text in quoted):
-        return data
-    return re.sub(_QUOTED, lambda match: match[1].replace(b",", mark), data)
+def _without_groups(data: bytes, mark: bytes, point: bytes) -> bytes:
+    """Return a text file without the marks that separate thousands: `1.067,72` becomes `1067,72`,
+    and `1,067.72` becomes `1067.72`.
 
-
-_DOTTED = rb"[-+]?[1-9]\d{0,2}(?:\.\d{3})+"
-
-
-def _without_grouping_dots(data: bytes) -> bytes:
-    """Return a text file without points that separate thousands: `1.067,72` becomes `1067,72`.
-
-    Points separate thousands if the file also has decimal commas in cells that no comma separates,
-    and if each number with a point may have such groups.
+    A mark separates thousands if each number with the mark may have such groups, and other numbers
+    have the decimal point only. Both marks are patterns.
     """
-    if b"." not in data or re.search(rb"(?<![\d.])0?\.\d", data):
+    if not re.search(mark, data) or re.search(rb"(?<![\d.,])0?" + mark + rb"\d", data):
         return data
-    cells = set(re.split(rb'[;\s"]+', data))
-    pointed = {cell for cell in cells if re.fullmatch(rb"[-+]?\d[\d,]*\.[\d.,]*", cell)}
-    are_groups = all(re.fullmatch(_DOTTED + rb"(?:,\d+)?", cell) for cell in pointed)
-    has_commas = any(re.fullmatch(rb"[-+]?\d{1,3},\d+", cell) for cell in cells)
-    if not (are_groups and has_commas):
+    group = rb"[-+]?[1-9]\d{0,2}(?:" + mark + rb"\d{3})+"
+    cells = set(re.findall(rb'"([^"]*)"', data) or re.split(rb"[;\s]+", data))
+    marked = [cell for cell in cells if re.fullmatch(rb"[-+]?\d[\d.,]*" + mark + rb".*", cell)]
+    are_groups = all(re.fullmatch(group + rb"(?:" + point + rb"\d*)?", cell) for cell in marked)
+    if not are_groups or not re.search(rb"(?<![\d.,])\d+" + point + rb"\d", data):
         return data
-    return re.sub(_DOTTED + rb"(?![\d.])", lambda cell: cell[0].replace(b".", b""), data)
+    return re.sub(rb"(?<![\d.,])" + group, lambda cell: re.sub(mark, b"", cell[0]), data)
 
 
 _COMMA_NUMBER = rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?"
@@ -640,11 +658,13 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
             raise RecordError(f"{source}: the file is compressed ({program}); uncompress it first")
     if data.startswith(_OLE_SIGNATURE):
         raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV", "spreadsheet")
-    if is_json(data):
-        raise RecordError(
-            f"{source}: the file is JSON, which is not read; write its samples to a text file with "
-            "the first line `# dt = 0.01 s, units = g`"
-        )
+    for pattern, (content, load) in _LOADED_BY.items():
+        if re.match(pattern, data) and (content != "JSON" or is_json(data)):
+            raise RecordError(
+                f"{source}: the file is {content}, which is not read; write a text file, in "
+                f"Python: a = {load.format(Path(source).name)}; "
+                "numpy.savetxt('record.txt', a, header='dt = 0.01 s, units = g')"
+            )
     # Pickle data start with the PROTO opcode 0x80 and end with the STOP opcode, a dot.
     if data.startswith(b"\x80") and data.endswith(b"."):
         reason = (
@@ -666,15 +686,14 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
 
     Text tables, which have no mark of a format, are tried after all formats.
     """
-    from tdint.ground_motion.formats.at2 import has_columns
-
     with caught_messages():  # Warnings of formats that do not match are ignored.
         for plugin in plugins():
-            if (
-                plugin.name != TEXT_TABLE
-                and _recognizes(plugin, data)
-                and not (plugin.name == "AT2" and has_columns(data))
-            ):
+            if plugin.name != TEXT_TABLE and _recognizes(plugin, data):
+                if plugin.name == "AT2":
+                    from tdint.ground_motion.formats.at2 import has_columns
+
+                    if has_columns(data):
+                        continue
                 return _Recognized(plugin.name, partial(_call, plugin.read_format, data))
         from tdint.ground_motion.formats.text import find_table  # needed only for tables
 

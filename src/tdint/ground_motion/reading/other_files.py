@@ -30,8 +30,7 @@ _DATA_SUFFIXES = re.compile(
 it is binary, compressed or damaged."""
 
 _SENSOR = re.compile(
-    r"(?:raw|uncalibrated)?[ _-]?(?:gyro(?:scope)?|magnetometer|barometer|pressure|location|gps|"
-    r"orientation|gravity|compass|pedometer|battery|light|microphone)[ _-]?(?:uncalibrated|\d+)?",
+    r"(?:raw)?(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*",
     re.IGNORECASE,
 )
 """Pattern of the names of the tables of a telephone next to its accelerations."""
@@ -177,7 +176,6 @@ _WORD = re.compile(
     r"(?<![A-Z0-9])(?P<quantity>ACC|VEL|DISP?)(?![A-Z0-9])",
     re.IGNORECASE,
 )
-_SMC = re.compile(r"_(?P<quantity>[AVD])\.SMC$", re.IGNORECASE)
 _VOLUME = re.compile(r"\.V(?P<quantity>[12])(?=[A-Z]?$)", re.IGNORECASE)
 """Patterns of the part of a name that states the quantity: PEER (.AT2, .VT2, .DT2), names of ESM,
 ITACA and programs (.ACC., _VEL.txt, .dis), and the volumes of strong-motion records (.V1
@@ -208,7 +206,7 @@ def repeated_motions(names: Iterable[str]) -> dict[str, str]:
     motions: dict[tuple[str, str, str], list[tuple[int, str, str]]] = {}
     for name in names:
         path = PurePath(name)
-        for pattern in (_PEER, _SMC, _VOLUME, _WORD):
+        for pattern in (_PEER, _VOLUME, _WORD):
             if match := pattern.search(path.name):
                 rank, quantity = _QUANTITIES[match["quantity"][0].upper()]
                 start, end = match.span("quantity")
