@@ -692,7 +692,7 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     raise RecordError(
         f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[index]:g} s "
         f"is {intervals[index]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
-        f"specify `resample={dt:.3g}` for a text table, or interpolate by "
+        f"specify `resample={dt:.3g}` for a table, or interpolate by "
         "numpy.interp"
     )
 

@@ -54,7 +54,7 @@ _ORDINATE = re.compile(
 
 _NO_MOTION = re.compile(
     r"(?:.* )?(?:arias|intensit\w*|cav|fas|fourier|fft|psd|spectr\w*|espectro|spettro|housner|"
-    r"husid|pga|pgv|pgd|energy|cumulative|gyro\w*|magnet\w*|latitude|longitude|pressure|"
+    r"husid|pga|pgv|pgd|energy|cumulative|gyro\w*|magnet\w*|latitude|longitude|"
     r"temperature)(?: .*)?|i[ _]?a|p?s[av]|psd|rotd\d+"
 )
 """Pattern of a name that states a quantity other than a ground motion."""

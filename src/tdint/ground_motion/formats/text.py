@@ -335,8 +335,8 @@ def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
         return
     if not (table.values or table.roles.ignored):
         raise OtherContent(
-            "the only column always increases or decreases, as times and periods do; for a ramp, "
-            "specify `one_sided`",
+            "the column always increases or decreases, as times and periods do; for a ramp specify "
+            "`one_sided`",
             "times",
         )
     first = names[time].text if names and time is not None else ""

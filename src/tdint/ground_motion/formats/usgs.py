@@ -22,6 +22,8 @@ from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizer
 from tdint.ground_motion.formats.series import Header, Series, StatedPeak, code, moment, reader
 from tdint.ground_motion.missing import OtherContent
 
+IS_OF_ONE_QUANTITY = True  # a file contains an acceleration, a velocity or a displacement
+
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 """Numbers of lines of text, of integers and of reals in the header of an SMC file."""
 

@@ -15,6 +15,7 @@ import codecs
 import hashlib
 import re
 import struct
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache, partial
@@ -274,10 +275,14 @@ class _Recognized(NamedTuple):
     ----------
     read : callable
         Function without arguments that returns the ObsPy stream of the file.
+    is_of_one_quantity : bool
+        The file may contain a velocity, a displacement or a spectrum of a motion whose acceleration
+        is in another file.
     """
 
     format: str
     read: Callable[[], Any]
+    is_of_one_quantity: bool
 
 
 class Contents(NamedTuple):
@@ -319,14 +324,14 @@ def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
     data = _with_usual_numbers(data)
     try:
         recognized = _require_format(data, source, layout)
-        if recognized.format not in (TEXT_TABLE, *_WITH_QUANTITY):
+        if not recognized.is_of_one_quantity:
             return ""
         # These files may be response spectra, which only their reader recognizes.
         if not (content := other_type(source, data)):
             _read(recognized)
     except OtherContent as error:
-        is_listed = error.content == "spectrum" or not has_data_suffix(source)
-        return error.content if is_listed else ""
+        is_data = has_data_suffix(source) and error.content != "spectrum"
+        return "" if is_data else error.content
     except RecordError:
         content = other_type(source, data)
         if not (content or has_data_suffix(source)) and has_few_numbers(data):
@@ -334,32 +339,24 @@ def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
     return content
 
 
-_WITH_QUANTITY = ("COSMOS", "SMC")
-"""Formats of programs that write the acceleration, the velocity and the displacement of a motion to
-separate files."""
-
-
 def repeated_quantities(
     names: Iterable[str], read: Callable[[str], bytes] = read_bytes
 ) -> dict[str, str]:
     """Return the names of the velocities and displacements of motions with an acceleration that is
     in another file, by the content of the files, with their quantity."""
-    motions: dict[tuple[Any, ...], dict[str, str]] = {}
+    found = []
     for name in names:
-        # Reading the file later reports its error.
-        with caught_messages(), suppress(Exception):
-            data = read(name)
-            for plugin in plugins():
-                if plugin.name in _WITH_QUANTITY and _recognizes(plugin, data):
-                    trace = _call(plugin.read_format, data)[0]
-                    units = parse_units(trace.stats.tdint_units)
-                    key = (Path(name).parent, trace.id, str(trace.stats.starttime))
-                    motions.setdefault(key, {})[name] = units.quantity
+        with suppress(Exception):  # Reading the file later reports its error.
+            recognized = _by_header(read(name))
+            if recognized and recognized.is_of_one_quantity:
+                trace = _read(recognized)[0][0]
+                key = (Path(name).parent, trace.id, str(trace.stats.starttime))
+                found.append((key, name, parse_units(trace.stats.tdint_units).quantity))
+    accelerations = {key for key, _, quantity in found if quantity == "acceleration"}
     return {
         name: quantity
-        for quantities in motions.values()
-        for name, quantity in quantities.items()
-        if quantity != "acceleration" and "acceleration" in quantities.values()
+        for key, name, quantity in found
+        if quantity != "acceleration" and key in accelerations
     }
 
 
@@ -686,19 +683,24 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
 
     Text tables, which have no mark of a format, are tried after all formats.
     """
+    if recognized := _by_header(data):
+        return recognized
+    from tdint.ground_motion.formats.text import find_table  # needed only for tables
+
+    table = None if is_json(data) else find_table(data, layout)
+    return _Recognized(TEXT_TABLE, table.read, is_of_one_quantity=True) if table else None
+
+
+def _by_header(data: bytes) -> _Recognized | None:
+    """Return the format of a file that has the header of a format; None for tables."""
     with caught_messages():  # Warnings of formats that do not match are ignored.
         for plugin in plugins():
             if plugin.name != TEXT_TABLE and _recognizes(plugin, data):
-                if plugin.name == "AT2":
-                    from tdint.ground_motion.formats.at2 import has_columns
-
-                    if has_columns(data):
-                        continue
-                return _Recognized(plugin.name, partial(_call, plugin.read_format, data))
-        from tdint.ground_motion.formats.text import find_table  # needed only for tables
-
-        table = None if is_json(data) else find_table(data, layout)
-    return _Recognized(TEXT_TABLE, table.read) if table else None
+                module = sys.modules[plugin.read_format.load().__module__]
+                if not getattr(module, "has_columns", lambda _: False)(data):
+                    read = partial(_call, plugin.read_format, data)
+                    return _Recognized(plugin.name, read, hasattr(module, "IS_OF_ONE_QUANTITY"))
+    return None
 
 
 def _recognizes(plugin: Plugin, data: bytes) -> bool:

@@ -30,7 +30,7 @@ _DATA_SUFFIXES = re.compile(
 it is binary, compressed or damaged."""
 
 _SENSOR = re.compile(
-    r"(?:raw)?(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*",
+    r"(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*",
     re.IGNORECASE,
 )
 """Pattern of the names of the tables of a telephone next to its accelerations."""
@@ -67,7 +67,7 @@ def other_type(name: str, data: bytes) -> str:
     if _DOCUMENT_SUFFIXES.fullmatch(path.suffix) or path.stem.upper() in ("README", "LICENSE"):
         return "document"
     if _SENSOR.fullmatch(path.stem):
-        return "table of another sensor"
+        return "another sensor"
     if _RESULT.match(start) or _LIST.match(start):
         return "description or list of records"
     return ""

@@ -412,7 +412,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     # The empty text in `tdint_units` means that the user must specify the units.
     is_whole = are_whole(trace.data)
     if "sac" in trace.stats and (is_whole or re.fullmatch(_OTHER_INSTRUMENT, code)):
-        evidence = "all are whole numbers" if is_whole else f"{code} is no channel of accelerations"
+        evidence = "all are whole numbers" if is_whole else f"{code} is no accelerometer"
         problem = (
             f"the file does not state the units of its samples, and {evidence}: probably counts; "
             f"{_SPECIFY_COUNT_OR_RESPONSE}"
