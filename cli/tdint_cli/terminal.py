@@ -73,7 +73,7 @@ _EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor
 # A library argument in backticks, with or without its value, such as `skip_lines=1`. The groups are
 # its name and its value.
 _SETTING = re.compile(
-    r"`(units|component|inventory|step|column|skip_lines|rows|one_sided)(?:=([^`]*))?`"
+    r"`(units|component|inventory|step|column|skip_lines|rows|one_sided|resample)(?:=([^`]*))?`"
 )
 
 

@@ -237,7 +237,15 @@ def abbreviated(text: str) -> str:
     return text
 
 
-_NAMES = {"gals": "gal", "gs": "g", "milli-g": "mg", "millig": "mg", "milligs": "mg", "g's": "g"}
+_NAMES = {
+    "gals": "gal",
+    "gales": "gal",
+    "gs": "g",
+    "milli-g": "mg",
+    "millig": "mg",
+    "milligs": "mg",
+    "g's": "g",
+}
 """Other names of units."""
 
 

@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from fuzz import api, changed_models, model_files, stores, studies
+from fuzz import api, changed_models, model_files, stores, studies, table_files
 from fuzz.corpus import corpus
 from fuzz.kinds import KINDS
 from fuzz.oracle import REFUSED, Failure, outcome, read
@@ -80,6 +80,14 @@ def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
 @pytest.mark.usefixtures("short_matching")
 def test_intact_studies_are_done(work, name):
     assert {run(list(line)) for line in set(studies.STUDIES[name].lines)} == {"done"}
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_motions_of_random_tables(tmp_path, part):
+    """No table is misread, no motion is refused, and damaged tables are refused."""
+    seeds = range(50 * part, 50 * part + 50)
+    found = {seed: table_files.outcome(seed, tmp_path / "table.txt") for seed in seeds}
+    assert set(found.values()) == {table_files.RIGHT, table_files.REFUSED}, found
 
 
 @pytest.mark.slow

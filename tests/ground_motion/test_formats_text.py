@@ -149,7 +149,7 @@ class TestOtherText:
         ("other", "message"),
         [
             ("period_s,psa_m_s2\n0.1,2\n0.2,3\n", "spectrum"),
-            ("time_s,temperature\n0.1,2\n0.2,3\n", "`column`: temperature"),
+            ("time_s,temperature\n0.1,2\n0.2,3\n", "not a ground motion"),
             ("0.2 2 3\n0.1 3 4\n", "3 values per line"),
             ("0.1\n", "only one row"),
             ("1,,2\n2,,3\n", "cell is empty"),

@@ -120,7 +120,9 @@ def test_samples_of_one_sign(tmp_path):
     unnamed = table(T[:121], PULSE)
     assert "one_sided" in message(tmp_path, unnamed, "g")
     assert read(tmp_path, unnamed, "g", one_sided=True)[0].acceleration.size == 121
-    (record,) = read(tmp_path, column(-0.1 - PULSE[1:-1]), "g", step=DT)
+    negative = column(-0.1 - PULSE[1:-1])
+    assert "one_sided" in message(tmp_path, negative, "g", step=DT)
+    (record,) = read(tmp_path, f"# dt = {DT} s, units = g\n{negative}")
     assert any("none is above" in warning for warning in record.warnings)
 
 
@@ -231,7 +233,9 @@ def test_table_of_long_lines(tmp_path, mark, names):
 def test_times_that_cannot_be_seconds(tmp_path):
     for factor, unit in ((1000, "ms"), (1_000_000, "us")):
         content = table(factor * T, A, forms=["%d", "%.5f"])
-        assert states(message(tmp_path, content, "g"), "times increase by ... ms ... `step=")
+        assert states(
+            message(tmp_path, content, "g"), f"times increase by ... in {unit}, specify `step="
+        )
         record = is_right(tmp_path, content, "g", step=DT)
         assert any(f"times are read in {unit}" in note for note in record.notes)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatchcase
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import pattern_of
@@ -77,8 +77,8 @@ class TextLayout(_OptionalFields):
         continues. Default False: the file shows it, or the columns are separate ground motions.
     one_sided : bool
         The samples are a pulse of one sign, in any format. Default False: a motion with samples of
-        one sign has a warning, and a table without names is refused, because spectra, lists of
-        peaks and resultants are also of one sign.
+        one sign has a warning, and a table without names or a column without a header is refused,
+        because spectra, lists of peaks and resultants are also of one sign.
 
     Raises
     ------
@@ -91,6 +91,7 @@ class TextLayout(_OptionalFields):
     skip_lines: int | None = None
     rows: bool = False
     one_sided: bool = False
+    is_resampled: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Validate the values, and convert the columns to a tuple of texts."""
@@ -171,6 +172,12 @@ class TextLayout(_OptionalFields):
             )
 
 
+class ResampledLayout(TextLayout):
+    """Layout of a record that is resampled: samples at unequal times are interpolated."""
+
+    is_resampled = True
+
+
 AS_STATED = TextLayout()
 """Layout without any user-specified property."""
 
@@ -197,7 +204,7 @@ class Processing(_OptionalFields):
         Order of the filters; 4 if None.
     resample : float | None
         New sampling interval, s, of the band-limited motion. An anti-aliasing filter is applied if
-        the new interval is longer.
+        the new interval is longer. Samples of a table at unequal times are first interpolated.
     time_scale : float | None
         Factor on the times of the processed record, such as 0.2 for a model on a shake table at a
         length scale of 1:25. Accelerations do not change.

@@ -12,7 +12,13 @@ import re
 from datetime import UTC, datetime
 from typing import Any
 
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizer
+from tdint.ground_motion.formats.lines import (
+    COUNT,
+    NUMBER,
+    Lines,
+    is_row_of_numbers,
+    recognizer,
+)
 from tdint.ground_motion.formats.series import Series, code, motion_units, reader, required_units
 from tdint.ground_motion.origin import MotionOrigin, header_statement, stated_origin
 from tdint.ground_motion.record import Record
@@ -44,12 +50,19 @@ _ORIGIN = "; ORIGIN "
 @recognizer
 def is_at2(lines: list[str]) -> object:
     """Return True if a file has a line with NPTS and DT, followed by numbers."""
-    indices = [index for index, line in enumerate(lines) if _count_and_step(line)]
-    if not indices:
-        return False
     # Like `read_at2`, this check uses the last of several lines with NPTS and DT.
-    next_line = next((line for line in lines[indices[-1] + 1 :] if line.strip()), None)
-    return is_row_of_numbers(next_line)
+    index = max(index for index, line in enumerate(lines) if _count_and_step(line))
+    return is_row_of_numbers(next(line for line in lines[index + 1 :] if line.strip()))
+
+
+def has_columns(data: bytes) -> bool:
+    """Return True if the rows of a file have several numbers and are as many as NPTS: the columns
+    of a text table."""
+    lines = Lines(data)
+    lines.take_until(_count_and_step, "line with NPTS and DT")
+    stated = _count_and_step(lines.take())
+    width = len((lines.peek() or "").split())
+    return width > 1 and stated is not None and len(lines.remaining()) >= stated[0]
 
 
 @reader

@@ -28,6 +28,8 @@ from tdint.ground_motion.formats.series import (
 from tdint.number_parsing import pluralize
 from tdint.units import parse_units
 
+IS_OF_ONE_QUANTITY = True  # some programs write each quantity to a separate file
+
 _TITLE = re.compile(r"\(Format v0?1\.\d+ with\s+(\d{1,3}) text lines\)", re.IGNORECASE)
 _INTEGERS = re.compile(rf"^\s*({COUNT})\s+Integer-header values follow on", re.IGNORECASE)
 _REALS = re.compile(rf"^\s*({COUNT})\s+Real-header values follow on", re.IGNORECASE)

@@ -93,9 +93,9 @@ _MAX_RATE = 1e5  # samples per second
 _UNIT = (
     r"(?:CMS?|MM|M|IN|FT)\s*(?:/\s*S(?:EC|EG)?(?:\s*/\s*S(?:EC|EG)?|\s*(?:\*\*|\^)?\s*2|\u00b2)|"
     r"[ .*\u00b7]\s*S(?:EC|EG)?\s*(?:\*\*|\^)?\s*(?:-\s*2|\u207b\u00b2))|"
-    r"GALS?|MILLI-?GS?|MG|%\s*G|G(?:'S)?(?:/10)?"
+    r"GAL(?:E?S)?|MILLI-?GS?|MG|%\s*G|G(?:'S)?(?:/10)?"
 )
-_LONG_UNIT = rf"(?:{_UNIT.partition('|GALS')[0]}|GALS?)"
+_LONG_UNIT = rf"(?:{_UNIT.partition('|GAL')[0]}|GAL(?:E?S)?)"
 """Units that are no letter and no abbreviation of another word, and need no word before them."""
 
 _NO_LONGER_UNIT = r"(?![\w/*^])"
@@ -141,7 +141,8 @@ _INTEGRALS = {
     "displacement": re.compile(r"\bDISPL?(?:ACEMENT)?\b", re.IGNORECASE),
 }
 _SPECTRA = re.compile(
-    r"\b(?:RESPONSE (?:AND FOURIER AMPLITUDE )?|FOURIER (?:AMPLITUDE )?)SPECTR(?:A|UM)\b",
+    r"\b(?:(?:RESPONSE (?:AND FOURIER AMPLITUDE )?|FOURIER (?:AMPLITUDE )?)SPECTR(?:A|UM)|"
+    r"FOURIER AMPLITUDES)\b",
     re.IGNORECASE,
 )
 """Pattern of a header of spectra, which data centers store as volume 3 of a record."""

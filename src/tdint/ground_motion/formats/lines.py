@@ -670,7 +670,7 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
         index = int(np.argmin(increases))
         raise RecordError(
             f"times must increase, but do not after sample {index} (counted from 0) at "
-            f"{times[index]:g} s"
+            f"{times[index]:g} s; remove a repeated row, or split the file if another record starts"
         )
     dt, departure = _mean_step(times)
     if not departure:
@@ -692,8 +692,8 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     raise RecordError(
         f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[index]:g} s "
         f"is {intervals[index]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
-        f"resample the record to equal steps first, in Python: numpy.interp(numpy.arange(t[0], "
-        f"t[-1], {float(np.min(intervals)):.3g}), t, a)"
+        f"specify `resample={dt:.3g}` for a table, or interpolate by "
+        "numpy.interp"
     )
 
 

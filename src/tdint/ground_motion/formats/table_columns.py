@@ -17,7 +17,7 @@ from tdint.units import parse_units
 
 TIME, OTHER, NO_MOTION = "time", "other", "no motion"
 SECONDS = dict.fromkeys(("", "s", "sec", "secs", "second", "seconds"), 1.0)
-SECONDS |= dict.fromkeys(("ms", "msec"), 1e-3)
+SECONDS |= dict.fromkeys(("ms", "msec"), 1e-3) | dict.fromkeys(("us", "µs"), 1e-6) | {"ns": 1e-9}
 """Values of the units of time, s."""
 
 MOTIONS = ("acceleration", "velocity", "displacement")
@@ -29,11 +29,14 @@ _UNITS_AT_END = re.compile(
 )
 _SEPARATORS = ",;\t"
 _COMPONENT = (
-    r"[nsewudzvhxylr]\d?|[nsewud]-?[nsewud]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
+    r"[nsewudzvhxylr]\d?|[nsewudo]-?[nsewudo]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
     r"trans(?:v(?:erse)?)?|long(?:itudinal)?|rad(?:ial)?|\d{1,3}|[a-z][hn][a-z0-9]|[ns]\d{1,2}[ew]"
 )
 _TIMES = ("t", "time", "times", "s", "sec", "zeit", "temps", "tiempo", "tempo")
-_TIME = re.compile(r"(?:relative|elapsed)? ?(?:times?|zeit|temps|tiempo|tempo)")
+_TIME = re.compile(
+    r"(?:(?:relative|elapsed|unix|epoch|system|sensor) ?)?"
+    r"(?:time ?(?:s|stamps?)?|zeit|temps|tiempo|tempo)|seconds elapsed"
+)
 """Pattern of the name of a time in any column."""
 
 _SPECTRUM = re.compile(
@@ -51,9 +54,13 @@ _ORDINATE = re.compile(
 
 _NO_MOTION = re.compile(
     r"(?:.* )?(?:arias|intensit\w*|cav|fas|fourier|fft|psd|spectr\w*|espectro|spettro|housner|"
-    r"husid|pga|pgv|pgd|energy|cumulative)(?: .*)?|i[ _]?a|p?s[av]|psd|rotd\d+"
+    r"husid|pga|pgv|pgd|energy|cumulative|gyro\w*|magnet\w*|latitude|longitude|"
+    r"temperature)(?: .*)?|i[ _]?a|p?s[av]|psd|rotd\d+"
 )
 """Pattern of a name that states a quantity other than a ground motion."""
+
+_NO_MOTION_UNITS = re.compile(r"(?:rad|deg|°)(?:/s)?|[uµμ]t|h?pa|°c")
+"""Pattern of the units of the other sensors of a telephone."""
 
 _RESULTANT = re.compile(
     r"(?:.* )?(?:total|resultants?|resultante|risultante|abs(?:olute)?|magnitude|norm|modulus|srss|"
@@ -76,7 +83,7 @@ _WORDS = {
     "spostamento|deslocamento",
 }
 _QUANTITIES = {
-    quantity: re.compile(rf"(?:ground )?(?:{words})(?:[ -]({_COMPONENT}))?")
+    quantity: re.compile(rf"(?:ground )?(?:{words})(?:(?:[ -]|(?=[xyz]$))({_COMPONENT}))?")
     for quantity, words in _WORDS.items()
 }
 _LETTERS = {"v": "velocity", "d": "displacement"}
@@ -230,7 +237,7 @@ def interpret_names(texts: list[str]) -> tuple[ColumnName, ...]:
         quantity, component = _quantity_of_name(name)
         if (index == 0 and len(texts) > 1 and name in _TIMES) or _TIME.fullmatch(name):
             quantity, component = TIME, ""
-        if _NO_MOTION.fullmatch(_unaccented(name)):
+        if _NO_MOTION.fullmatch(_unaccented(name)) or _NO_MOTION_UNITS.fullmatch(units):
             quantity, component = NO_MOTION, ""
         # The unit determines the quantity of a name that is only a component. Any other name with a
         # unit of acceleration is a component. The first column is excluded, because it may be a

@@ -26,6 +26,7 @@ from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, MIN_COUNT, MIN_STEP
 from tdint.ground_motion.formats.lines import Lines, equal_steps, row_of_numbers
 from tdint.ground_motion.formats.table_lines import NumberBlock, Numbers, split_cells
+from tdint.ground_motion.formats.table_roles import MIN_TIMES, are_times, counts_rows
 from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.number_parsing import pluralize
 
@@ -123,36 +124,18 @@ def _ratio(numerator: np.floating | float, denominator: np.floating | float) -> 
     return float(numerator / denominator)
 
 
-_MIN_TIMES = 4  # rows; fewer numbers increase by accident
-_NEARLY = 0.1
-"""Permitted deviation of most steps of times from their median, as a fraction."""
-
-
-def are_times(column: NDArray[np.float64]) -> bool:
-    """Return True if numbers increase, mostly by nearly the same step.
-
-    Single steps may differ: this is an error in a column of times, not evidence for samples.
-
-    Parameters
-    ----------
-    column : ndarray, shape (rows,)
-        First number of each row.
-    """
-    steps = np.diff(column)
-    if column.size < _MIN_TIMES or not np.all(steps > 0.0):
-        return False
-    if np.ptp(steps) <= _NEARLY * np.min(steps):
-        return True  # the usual case, without the sorting of the steps
-    median = float(np.median(steps))
-    # Half of the steps may deviate by the rounding of the printed times.
-    return bool(np.quantile(np.abs(steps - median), 0.5) <= _NEARLY * median) and bool(
-        np.quantile(steps, 0.95) < 2.0 * median + _NEARLY * median
-    )
-
-
 _MAX_LONG_LINES = 20  # lines of a table with columns that are written as lines
 _MAX_TITLE_LINES = 20  # lines above such a table
 _MIN_LONG = 20  # cells of a line; shorter lines are rows
+
+
+def _is_row_of_times(row: list[str]) -> bool:
+    """Return True if the cells of a line after the first are times."""
+    cells = [cell.strip("\"' ").replace(",", ".") for cell in row[1:]]
+    with suppress(ValueError):
+        times = row_of_numbers(" ".join(cells))
+        return len(times) == len(cells) and are_times(np.array(times))
+    return False
 
 
 def transposed(lines: Lines) -> Lines | None:
@@ -176,39 +159,10 @@ def transposed(lines: Lines) -> Lines | None:
     rows = [split_cells(texts[index]) for index in filled if index >= first]
     if len(rows[0]) < _MIN_LONG or len(set(map(len, rows))) != 1:
         return None
-    try:
-        cells = [cell.strip("\"' ").replace(",", ".") for cell in rows[0][1:]]
-        times = row_of_numbers(" ".join(cells))
-        if len(times) != len(rows[0]) - 1 or not are_times(np.array(times)):
-            return None
-    except ValueError:
+    if not any(map(_is_row_of_times, rows)):
         return None
     columns = [";".join(cells) for cells in zip(*rows, strict=True)]
     return Lines("\n".join([*texts[:first], *columns, ""]))
-
-
-def paired(table: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return a table with a time and a value per row if the rows of `table` consist of such pairs;
-    otherwise None.
-    """
-    width = table.shape[1]
-    if width < 4 or width % 2:
-        return None
-    pairs = table.reshape(-1, 2)
-    return pairs if are_times(pairs[:, 0]) else None
-
-
-def counts_rows(column: NDArray[np.float64]) -> bool:
-    """Return True if a column numbers the rows: it starts with 0 or 1 and increases by 1.
-
-    Parameters
-    ----------
-    column : ndarray, shape (rows,)
-        First number of each row.
-    """
-    return bool(column.size >= _MIN_TIMES and column[0] in (0.0, 1.0)) and bool(
-        np.all(np.diff(column) == 1.0)
-    )
 
 
 _MAX_FIRST_LINES = 4  # lines at the start of a block that may contain statements
@@ -275,7 +229,7 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
     words, number = block.first_words, block.line_numbers[0]
     values, widths = numbers.values, numbers.widths
     lines = len(widths)
-    if lines < _MIN_TIMES:
+    if lines < MIN_TIMES:
         return FirstNumbers()
     width = numbers.width if numbers.is_regular else int(np.bincount(widths).argmax())
     if width == widths[0] and is_index_row(words):
@@ -312,7 +266,8 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
             if (width == 1 or is_timed) and (used == 1 or count >= MIN_COUNT):
                 return FirstNumbers(count, 0.0, used)
         is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
-        is_column = width == 1 and len(whole) + len(steps) == len(texts)
+        # A zero below the interval is the first sample.
+        is_column = width == 1 and len(whole) + len(steps) == len(texts) and first[-1] != 0.0
         if unconfirmed is None and is_header and (is_other or is_column or is_timed):
             unconfirmed = used, whole, steps[0]
     if unconfirmed is not None:
@@ -426,7 +381,7 @@ def doubtful_lines(
     """
     _check_form(block, numbers)
     words, number, width = block.first_words, block.line_numbers[0], numbers.width
-    if layout.skip_lines == 0 or numbers.widths.size < _MIN_TIMES:
+    if layout.skip_lines == 0 or numbers.widths.size < MIN_TIMES:
         return FirstNumbers()
     if width > 1:
         used = _lines_above_times(numbers, width)
@@ -463,7 +418,7 @@ def doubtful_lines(
 def _lines_above_times(numbers: Numbers, width: int) -> int:
     """Return the number of first lines without which the first column of a table contains times in
     equal steps; 0 if the complete table has such times, or no times."""
-    for used in range(min(_MAX_FIRST_LINES, numbers.widths.size - _MIN_TIMES) + 1):
+    for used in range(min(_MAX_FIRST_LINES, numbers.widths.size - MIN_TIMES) + 1):
         rest = numbers.part(used).values
         # A single shorter line is reported as an irregular line.
         is_short = used == 1 and numbers.widths[0] != width
@@ -526,7 +481,9 @@ def _interval_alone(
     if not (is_specified or _is_plausible(value)):
         return FirstNumbers()
     has_jump, excess = _differs(values, 1)
-    if (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
+    # A motion starts with a zero, not next to a zero.
+    is_above_zero = is_specified and values[1] == 0.0
+    if is_above_zero or (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
         return FirstNumbers(0, value, 1, _first_lines_note(1, number, value))
     texts = [row[0] for row in words]
     decimals = {len(text.partition(".")[2]) for text in texts[1:]}

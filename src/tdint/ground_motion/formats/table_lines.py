@@ -20,7 +20,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import date
 from itertools import islice, pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +115,11 @@ class Numbers:
         return bool(
             np.all(self.widths[:-1] == self.widths[0]) and self.widths[-1] <= self.widths[0]
         )
+
+    @property
+    def is_complete(self) -> bool:
+        """True if the last line has as many values as most lines."""
+        return int(self.widths[-1]) == self.width
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -275,7 +280,8 @@ def _row_of_list(line: str) -> tuple[str, str]:
         row = re.sub(r"\.\.\.\s*$", " ", text).translate(_LIST_MARKS).rstrip(_BLANKS)
         # A number in brackets after text, such as `Depth (24.5)`, is not a list.
         is_list = not words.strip() or (
-            len(row.split()) > 1 and "." in row and not (mark == "(" and ")" in text)
+            "." in row
+            and (not re.search(r"[)\]}]", text) or (re.search(r"\S[\s,;]+\S", row) and mark != "("))
         )
         if row and is_list and _is_row(row):
             return row, words.strip()[:_MAX_HEADER_LINE]
@@ -423,100 +429,66 @@ def _plain_numbers(lines: TextLines) -> Numbers | None:
     has_empty_cells = any(b"\t\t" in part for part in lines.parts()) and (
         len({len(line.split()) for line in lines}) > 1
     )
-    # The capacity is sufficient for numbers of one character. Unused memory is not allocated.
-    values = np.empty(sum(len(part) + 1 for part in lines.parts()) // 2 + 1)
-    widths = np.empty(len(lines), np.int32)
-    number = line = 0
+    found = []
     for part in lines.parts():
-        words = _Words.of(_with_blanks(part, marks, has_empty_cells))
-        found = words.values() if words else None
-        if words is None or found is None:
+        numbers = _numbers_of(_with_blanks(part, marks, has_empty_cells))
+        if numbers is None:
             return None
-        values[number : number + found.size] = found
-        widths[line : line + words.per_line.size] = words.per_line
-        number, line = number + found.size, line + words.per_line.size
-    return Numbers(values[:number], widths)
+        found.append(numbers)
+    values, widths = map(np.concatenate, zip(*found, strict=True))
+    return Numbers(values, widths)
 
 
-class _Words(NamedTuple):
-    """Positions of the words in lines of a text: their starts, the positions after their ends, and
-    their number in each line."""
-
-    text: bytes
-    starts: NDArray[np.intp]
-    ends: NDArray[np.intp]
-    per_line: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, text: bytes) -> _Words | None:
-        """Find the words of a text; return None if it has other characters than those of
-        numbers."""
-        if text.translate(None, _NUMBERS + b"\t\r\v\f"):
-            return None
-        codes = np.frombuffer(text, np.uint8)
-        is_character = np.concatenate([[False], codes > ord(" "), [False]])
-        changes = np.flatnonzero(is_character[1:] != is_character[:-1])
-        starts, ends = changes[::2], changes[1::2]
-        line_ends = np.append(np.flatnonzero(codes == ord("\n")), codes.size)
-        per_line = np.diff(np.searchsorted(starts, line_ends), prepend=0)
-        return cls(text, starts, ends, per_line)
-
-    def values(self) -> NDArray[np.float64] | None:
-        """Return the number of each word; None if a word is not a number."""
-        with warnings.catch_warnings(), suppress(DeprecationWarning, ValueError):
-            warnings.simplefilter("error", DeprecationWarning)
-            found = self._decimal_values()
-            # NumPy also accepts numbers without a separator, which changes their count.
-            found = np.fromstring(self.text, sep=" ") if found is None else found
-            return found if found.size == self.starts.size else None
+def _numbers_of(text: bytes) -> tuple[NDArray[np.float64], NDArray[np.intp]] | None:
+    """Return the numbers of lines of words, and their number in each line; None if a word is not a
+    number."""
+    if text.translate(None, _NUMBERS + b"\t\r\v\f"):
         return None
+    codes = np.frombuffer(text, np.uint8)
+    is_character = np.concatenate([[False], codes > ord(" "), [False]])
+    changes = np.flatnonzero(is_character[1:] != is_character[:-1])
+    starts, ends = changes[::2], changes[1::2]
+    line_ends = np.append(np.flatnonzero(codes == ord("\n")), codes.size)
+    per_line = np.diff(np.searchsorted(starts, line_ends), prepend=0)
+    with warnings.catch_warnings(), suppress(DeprecationWarning, ValueError):
+        warnings.simplefilter("error", DeprecationWarning)
+        values = _decimal_values(text, starts, ends)
+        # NumPy also accepts numbers without a separator, which changes their count.
+        values = np.fromstring(text, sep=" ") if values is None else values
+        return (values, per_line) if values.size == starts.size else None
+    return None
 
-    def _decimal_values(self) -> NDArray[np.float64] | None:
-        """Return the value of each word if all have the form 1.25, or all have the form 1.25E-02;
-        None for other forms.
 
-        The digits without the point are converted as whole numbers, in a quarter of the time. The
-        quotient or product of two numbers that are exact as floats is rounded once, as the
-        conversion of the text (Clinger 1990).
-        """
-        codes = np.frombuffer(self.text, np.uint8)
-        points = np.flatnonzero(codes == ord("."))
-        marks = np.flatnonzero((codes | 0x20) == ord("e"))
-        has_exponents = marks.size > 0
-        digit_ends = marks if has_exponents else self.ends
-        if not points.size == digit_ends.size == self.starts.size or not np.all(
-            (self.starts <= points) & (points < digit_ends) & (digit_ends <= self.ends)
-        ):
-            return None
-        is_sign = (codes == ord("-")) | (codes == ord("+"))
-        signs = np.count_nonzero(is_sign[self.starts])
-        if has_exponents:
-            signs += np.count_nonzero(is_sign[np.minimum(marks + 1, codes.size - 1)])
-        if (
-            signs != np.count_nonzero(is_sign)
-            or np.max(digit_ends - self.starts, initial=0) > _MAX_DIGITS + 1
-        ):
-            return None
-        text = self.text.translate(_WITHOUT_EXPONENT, b".")
-        whole = np.fromstring(text, dtype=np.int64, sep=" ")
-        if whole.size != self.starts.size * (1 + has_exponents):
-            return None
-        powers = points + 1 - digit_ends
-        if has_exponents:
-            powers += whole[1::2]
-            whole = whole[::2]
-        if np.max(np.abs(powers), initial=0) >= _POWERS.size:
-            return None
-        factors = _POWERS[np.abs(powers)]
-        values: NDArray[np.float64] = np.where(powers < 0, whole / factors, whole * factors)
-        values[(whole == 0) & (codes[self.starts] == ord("-"))] = -0.0
-        return values
+def _decimal_values(
+    text: bytes, starts: NDArray[np.intp], ends: NDArray[np.intp]
+) -> NDArray[np.float64] | None:
+    """Return the value of each word if all have the form 1.25; None for other forms.
+
+    The digits without the point are converted as whole numbers, in a quarter of the time. The
+    quotient of two numbers that are exact as floats is rounded once, as the conversion of the text
+    (Clinger 1990).
+    """
+    codes = np.frombuffer(text, np.uint8)
+    points = np.flatnonzero(codes == ord("."))
+    if (
+        points.size != starts.size
+        or b"E" in text
+        or b"e" in text
+        or not np.all((starts <= points) & (points < ends))
+        or np.max(ends - starts, initial=0) > _MAX_DIGITS + 1
+    ):
+        return None
+    whole = np.fromstring(text.replace(b".", b""), dtype=np.int64, sep=" ")
+    if whole.size != starts.size:
+        return None
+    values: NDArray[np.float64] = whole / _POWERS[ends - points - 1]
+    values[(whole == 0) & (codes[starts] == ord("-"))] = -0.0
+    return values
 
 
 _MARKS = (b",", b";", b"\t")  # separators other than blanks
 _MAX_DIGITS = 15  # digits of a whole number that is exact as a float
 _POWERS = 10.0 ** np.arange(23)  # powers of ten that are exact as floats
-_WITHOUT_EXPONENT = bytes.maketrans(b"Ee", b"  ")
 
 
 def _with_blanks(text: bytes, marks: Sequence[bytes], has_empty_cells: bool) -> bytes:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf, isclose
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,12 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP, TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, Statements
-from tdint.ground_motion.formats.lines import agrees_with_times, equal_steps, last_decimal
+from tdint.ground_motion.formats.lines import (
+    agrees_with_times,
+    at_equal_steps,
+    equal_steps,
+    last_decimal,
+)
 from tdint.ground_motion.formats.series import (
     Series,
     code,
@@ -21,22 +28,19 @@ from tdint.ground_motion.formats.series import (
 )
 from tdint.ground_motion.formats.table_columns import (
     MOTIONS,
-    NO_MOTION,
     ORIGIN,
     OTHER,
     SECONDS,
     TIME,
-    ColumnName,
     column_index,
     is_general,
     quantity_of_units,
 )
+from tdint.ground_motion.formats.table_roles import Names, Roles, other_columns
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, last_place
 from tdint.ground_motion.missing import IncompleteRecord, Missing, OtherContent, likely_units
 from tdint.ground_motion.origin import stated_origin
 from tdint.ground_motion.record import has_one_sign
-
-Names = tuple[ColumnName, ...]
 
 
 @dataclass(frozen=True)
@@ -47,10 +51,6 @@ class TableColumns:
     ----------
     columns : list of ndarray
         All columns; rows of samples are one column.
-    time : int or None
-        Index of the column of times.
-    ignored : frozenset of int
-        Indices of columns that contain text or line numbers.
     one_sided : bool
         The user states that samples of equal sign are a ground motion.
     """
@@ -58,44 +58,24 @@ class TableColumns:
     columns: list[NDArray[np.float64]]
     names: Names
     stated: Statements
-    time: int | None
-    ignored: frozenset[int]
+    roles: Roles
     one_sided: bool = False
+
+    @property
+    def values(self) -> list[int]:
+        """Indices of all columns except times, text and line numbers."""
+        others = self.roles.ignored | {self.roles.time}
+        return [index for index in range(len(self.columns)) if index not in others]
+
+    @cached_property
+    def others(self) -> dict[int, str]:
+        """Reasons why values are no ground motion, by the index of the column."""
+        return other_columns(self.columns, self.values, self.names, one_sided=self.one_sided)
 
     @property
     def candidates(self) -> list[int]:
         """Indices of the columns that may be ground motions."""
-        return [index for index in self._values if not self.other_quantity(index)]
-
-    @property
-    def _values(self) -> list[int]:
-        """Indices of all columns except times, text and line numbers."""
-        others = self.ignored | ({self.time} if self.time is not None else set())
-        return [index for index in range(len(self.columns)) if index not in others]
-
-    @property
-    def named_others(self) -> list[str]:
-        """Names of the columns with another quantity, for messages."""
-        return [self.name(index) for index in self._values if self.other_quantity(index)]
-
-    def other_quantity(self, index: int) -> str:
-        """Return the reason why a column is no ground motion; empty for a column that may be one.
-
-        The name of the column states another quantity, or the column is the resultant of the other
-        columns, by its name or by its values. The values of a resultant have one sign.
-        """
-        if self.names and self.names[index].quantity == NO_MOTION:
-            return "states a quantity that is not a ground motion"
-        column = self.columns[index]
-        others = [i for i in self._values if i != index] if len(self._values) > 1 else []
-        if self.one_sided or not others or not has_one_sign(column):
-            return ""
-        is_resultant = bool(self.names) and self.names[index].may_be_resultant
-        if not is_resultant and len(others) > 1:
-            squares = sum(self.columns[i] ** 2 for i in others)
-            rounding = last_decimal(column) + 1e-3 * float(np.max(column))
-            is_resultant = float(np.max(np.abs(np.sqrt(squares) - column))) <= rounding
-        return "is a resultant or contains absolute values" if is_resultant else ""
+        return [index for index in self.values if index not in self.others]
 
     def name(self, index: int) -> str:
         """Return the name of a column for `column`: its text, or its number counted from 1."""
@@ -109,7 +89,7 @@ def incomplete(
     """Return the error for a table that requires properties, with all properties that are missing;
     `reason` explains the properties in `missing`."""
     stated = table.stated
-    lacks_step = not (stated.intervals or layout.step or table.time is not None)
+    lacks_step = not (stated.intervals or layout.step or table.roles.time is not None)
     has_units = len(stated.units) == 1 or any(quantity_of_units(name.units) for name in table.names)
     others = []
     if lacks_step and not missing.step:
@@ -128,6 +108,8 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
 
     `reason` explains why the lines continue one ground motion; empty if the columns are separate.
     """
+    if layout.is_resampled and table.roles.time is not None:
+        table = _at_equal_steps(table, layout, table.roles.time)
     stated, names, columns = table.stated, table.names, table.columns
     if len(stated.units) > 1:
         warnings.warn(
@@ -135,7 +117,7 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
             stacklevel=2,
         )
     selected = _selected(table, layout) or _accelerations(table, layout)
-    if not layout.column and (others := table.named_others):
+    if not layout.column and (others := [*map(table.name, sorted(table.others))]):
         warnings.warn(
             f"columns of other quantities or resultants are not read: {', '.join(others)}",
             stacklevel=2,
@@ -146,7 +128,7 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
             f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
         )
     # The continuity of the values suggests separate ground motions, but the file does not state it.
-    if len(selected) > 1 and not (names or table.time is not None or layout.column):
+    if len(selected) > 1 and not (names or table.roles.time is not None or layout.column):
         warnings.warn(
             f"each of {len(columns)} columns without names is read as a separate ground motion; if "
             "the lines continue a single ground motion, specify `rows`",
@@ -154,7 +136,7 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
         )
     compared = (
         *((SAMPLES,) if stated.counts else ()),
-        *((STEP,) if table.time is not None else ()),
+        *((STEP,) if table.roles.time is not None else ()),
     )
     common = Series(
         np.empty(0),
@@ -181,13 +163,15 @@ def _selected(table: TableColumns, layout: TextLayout) -> list[int]:
     """Return the indices of the columns that the user selects, without repetition."""
     indices = [column_index(column, table.names, len(table.columns)) for column in layout.column]
     for index, column in zip(indices, layout.column, strict=True):
-        if index == table.time or index in table.ignored:
-            content = "the time" if index == table.time else "text or the numbers of the lines"
+        if index == table.roles.time or index in table.roles.ignored:
+            content = (
+                "the time" if index == table.roles.time else "text or the numbers of the lines"
+            )
             raise RecordError(
                 f"column {column} contains {content} ({table.name(index)}); select a column with a "
                 "ground motion"
             )
-        if reason := table.other_quantity(index):
+        if reason := table.others.get(index):
             choice = ", ".join(map(table.name, table.candidates))
             remedy = f"select one of {choice}" if choice else "specify the file of the acceleration"
             raise RecordError(f"column {table.name(index)!r} {reason}; {remedy}")
@@ -212,6 +196,12 @@ def _accelerations(table: TableColumns, layout: TextLayout) -> list[int]:
         return candidates
     for quantity in MOTIONS:
         if named := [index for index in candidates if names[index].quantity == quantity]:
+            # A column with values of both signs next to components may be another component.
+            unknown = [i for i in candidates if names[i].quantity == OTHER and not names[i].units]
+            if any(names[i].component for i in named) and not all(
+                has_one_sign(table.columns[i]) for i in unknown
+            ):
+                break
             return named
     if len(candidates) == 1 and is_general(names[candidates[0]]):
         return candidates
@@ -242,8 +232,8 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
     in equal steps, or the interval is unknown.
     """
     intervals = list(table.stated.intervals)
-    if table.time is not None:
-        times = table.columns[table.time] * _scale_of_times(table, layout)
+    if table.roles.time is not None:
+        times = _times(table, layout, table.roles.time)
         mean, rounding = equal_steps(times)[0], last_decimal(times)
         # Rounded times may agree with several intervals; the stated one is right.
         stated = (step for step in (*intervals, layout.step) if step is not None)
@@ -262,7 +252,7 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
         "the sampling interval of the column of numbers is required; declare it in a first line "
         "`# dt = 0.01 s, units = g`, or specify it by `step`"
     )
-    if table.ignored:
+    if table.roles.ignored:
         message = (
             "the first column numbers the lines; specify the sampling interval by `step` (1 if the "
             "numbers are times in s)"
@@ -275,40 +265,57 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
     raise incomplete(message, table, layout, Missing(step=True))
 
 
-_SMALL_UNITS = {1e-3: "ms", 1e-6: "us"}
-"""Units, s, of times with a step that would be longer, in seconds, than any sampling interval."""
+_CLOCKS = {unit: SECONDS[unit] for unit in ("s", "ms", "us", "ns")}
+_EPOCH = (1e9, 4e9)  # s since 1970: the years 2001 to 2096
 
 
-def _scale_of_times(table: TableColumns, layout: TextLayout) -> float:
-    """Return the unit of the times of a table, s.
+def _times(table: TableColumns, layout: TextLayout, index: int) -> NDArray[np.float64]:
+    """Return the times of a table, s. Their unit is stated, or it follows from the first time (a
+    time since 1970) or from the step of the user.
 
     Raises
     ------
     RecordError
         The unit is unknown, or is not stated and the times cannot be in seconds.
     """
-    assert table.time is not None
-    name = table.names[table.time] if table.names else None
-    if name is not None and name.units not in SECONDS:
-        raise RecordError(f"the times must be in s or ms, but the header states {name.units!r}")
-    if name is not None and name.units:
-        return SECONDS[name.units]
-    times = table.columns[table.time]
-    step = float(np.median(np.diff(times)))
-    if step <= MAX_STEP or layout.has_step(step) or table.stated.intervals:
-        return 1.0
-    # The specified interval settles the unit.
-    for unit, text in _SMALL_UNITS.items():
-        if layout.has_step(unit * step):
-            note = f"the times are read in {text}: their steps are {step:g} {text}, as specified"
+    times, units = table.columns[index], table.names[index].units if table.names else ""
+    step, first = float(np.median(np.diff(times))), float(times[0])
+    stated = (*table.stated.intervals, layout.step or 0.0)
+    if units not in SECONDS:
+        raise RecordError(f"the times must be in s, ms, us or ns, but the header states {units!r}")
+    for unit, scale in _CLOCKS.items():
+        if _EPOCH[0] <= scale * first < _EPOCH[1] and scale * step <= MAX_STEP:
+            warnings.warn(f"the times are read in {unit} since 1970", stacklevel=2)
+            return np.round(scale * (times - first), 6)
+    if units or step <= MAX_STEP or layout.has_step(step):
+        return times * SECONDS[units]
+    for unit, scale in _CLOCKS.items():
+        if any(isclose(scale * step, dt, rel_tol=SAME_STEP) for dt in stated):
+            note = f"the times are read in {unit}: their steps are {step:g} {unit}, as specified"
             warnings.warn(note, stacklevel=2)
-            return unit
+            return times * scale
+    if table.stated.intervals:
+        return times
+    unit = next((unit for unit, scale in _CLOCKS.items() if scale * step <= MAX_STEP), "ns")
     raise incomplete(
-        f"the times increase by {step:g} per line, too much for a sampling interval in s; if they "
-        f"are in ms, specify `step={1e-3 * step:g}`, or name the column `Time (ms)`",
+        f"the times increase by {step:g} per line, too much for steps in s; if they "
+        f"are in {unit}, specify `step={SECONDS[unit] * step:g}`, or name the column `Time "
+        f"({unit})`",
         table,
         layout,
         Missing(),
+    )
+
+
+def _at_equal_steps(table: TableColumns, layout: TextLayout, time: int) -> TableColumns:
+    """Return a table with all columns interpolated at equal steps, without times."""
+    count = np.arange(len(table.columns[time]), dtype=float)
+    rows, dt = at_equal_steps(_times(table, layout, time), count, inf)
+    return replace(
+        table,
+        columns=[np.interp(rows, count, column) for column in table.columns],
+        stated=replace(table.stated, intervals=(dt,)),
+        roles=Roles(ignored=table.roles.ignored | {time}),
     )
 
 

@@ -5,7 +5,8 @@ contains declarations `key = value`, statements in free wording and names of col
 the largest block follows from evidence, in this order:
 
 1. numbers in the first lines that are no samples (`table_evidence.first_numbers`);
-2. a column of times: it is named as a time, or its values increase by equal steps;
+2. the roles of the columns (`table_roles.column_roles`): a column of times is named as a time, or
+   its values increase by equal steps in nearly all rows;
 3. the number of samples in the header: it is the number of values (rows of samples) or the number
    of lines (columns);
 4. the options of the user (`TextLayout.rows`, `TextLayout.column`);
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -40,7 +41,7 @@ from tdint.ground_motion.formats.header_statements import (
     named_spectra,
     statements,
 )
-from tdint.ground_motion.formats.lines import Lines, read_lines, recognizer
+from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, read_lines, recognizer
 from tdint.ground_motion.formats.series import (
     Series,
     to_stream,
@@ -51,23 +52,20 @@ from tdint.ground_motion.formats.table_columns import (
     OTHER,
     SECONDS,
     TIME,
+    ColumnName,
     any_names,
     column_names,
     declarations,
-    quantity_of_units,
     spectrum_name,
     with_units,
 )
 from tdint.ground_motion.formats.table_evidence import (
     FirstNumbers,
-    are_times,
     continuity,
-    counts_rows,
     doubtful_lines,
     first_numbers,
     has_card_numbers,
     is_filled,
-    paired,
     transposed,
 )
 from tdint.ground_motion.formats.table_lines import (
@@ -77,12 +75,16 @@ from tdint.ground_motion.formats.table_lines import (
     block_numbers,
     table_text,
 )
-from tdint.ground_motion.formats.table_series import (
+from tdint.ground_motion.formats.table_roles import (
     Names,
-    TableColumns,
-    incomplete,
-    table_components,
+    Roles,
+    are_times,
+    axis,
+    column_roles,
+    counts_rows,
+    has_pairs,
 )
+from tdint.ground_motion.formats.table_series import TableColumns, incomplete, table_components
 from tdint.ground_motion.messages import caught_messages
 from tdint.ground_motion.missing import Missing, OtherContent
 from tdint.ground_motion.record import has_one_sign
@@ -154,7 +156,7 @@ def is_text(lines: list[str]) -> object:
     is_table = numbers.widths[0] == numbers.widths[1] and (
         numbers.width == 1
         or any(map(column_names, text.blocks[0].above))
-        or _increases(numbers.table()[:, 0])
+        or bool(np.diff(numbers.table()[:, 0]) > 0.0)
     )
     return is_table and all(
         bool(COMMENT.fullmatch(line) or declarations(line) or column_names(line))
@@ -226,13 +228,16 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
         )
 
     # Separate the samples from numbers of a header above them and from quantities after them.
+    names, header = _names_and_header(blocks[: main + 1], numbers, layout)
     block, numbers = _with_separate_first_lines(blocks, main, numbers, layout)
-    names, header = _names_and_header(blocks[: main + 1], numbers.width, layout)
     # The samples may precede a statement: `a = [...]; dt = 0.01`.
     stated = statements([*header, *text.below])
     _check_content(names, header, stated)
     first = FirstNumbers()
-    if stated.counts.isdisjoint(numbers.sizes):
+    # The numbers of a ramp continue each other.
+    if stated.counts.isdisjoint(numbers.sizes) and not (
+        numbers.width == 1 and are_times(numbers.values)
+    ):
         first = first_numbers(block, numbers, layout)
         start, end = (first.lines, None) if first.lines else _stated_part(block, numbers, stated)
         if not (start or end):
@@ -251,26 +256,26 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
     if not is_confirmed:
         _check_blank_lines(block)
 
-    time, ignored = _time_and_ignored(numbers, names, text.ignored, layout)
-    if time is not None and not (names or stated.intervals):
+    roles = column_roles(numbers, names, text.ignored, layout)
+    if roles.has_pairs:
+        names = names[:2]
+    if roles.time is not None and not (names or stated.intervals):
         _check_unit_of_times(header)
-    table = TableColumns([], names, stated, time, ignored, layout.one_sided)
+    table = TableColumns([], names, stated, roles, layout.one_sided)
     kind, reason = _layout_of(block, numbers, table, layout)
     if kind in ("single", "rows", "numbered rows"):
         _check_decimal_points(block, numbers, int(kind == "numbered rows"))
     # Check whether the last number of the file is cut off.
     lines.checked(numbers.values, block.line_numbers[0] - 1)
-    if kind == "pairs":
-        table = replace(table, time=0)
-    if kind != "columns":  # no column of the lines remains
-        table = replace(table, ignored=frozenset())
-    table = replace(table, columns=_columns(numbers, kind))
+    if kind not in ("columns", "single"):  # no column of the lines remains
+        roles = Roles(0 if kind == "pairs" else None)
+    table = replace(table, columns=_columns(numbers, kind), roles=roles)
     _check_signs(table, header)
     is_bare = not header and layout.step is not None and not layout.skip_lines
     if (
         kind == "columns"
         and len(table.candidates) > 1
-        and not (names or table.time is not None or layout.column or is_bare)
+        and not (names or roles.time is not None or layout.column or is_bare)
     ):
         raise incomplete(
             f"each of the {numbers.width} columns is a separate ground motion of "
@@ -305,7 +310,8 @@ def _check_content(names: Names, header: Sequence[str], stated: Statements) -> N
             "ground motion; specify the file of the acceleration",
             "spectrum",
         )
-    if not stated.counts and (spectra := named_spectra(header)):
+    texts = [*header, " ".join(name.text for name in names)]
+    if not stated.counts and (spectra := named_spectra(texts)):
         raise OtherContent(
             f"the file contains {spectra.lower()} (volume 3 of a record), not a ground motion; "
             "specify the file of the acceleration (volume 1 or 2)",
@@ -313,34 +319,44 @@ def _check_content(names: Names, header: Sequence[str], stated: Statements) -> N
         )
 
 
-_SPECTRAL_WORD = re.compile(r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b", re.IGNORECASE)
+_SPECTRAL_WORD = re.compile(
+    r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b|\bpg[avd]\b", re.IGNORECASE
+)
 
 
 def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
-    """Raise an error if the values of a table have one sign, and its first column may be periods or
-    frequencies: the header mentions a spectrum, or the column is not named as a time. `T` is also
-    the symbol of a period.
+    """Raise an error if a table contains only times or a list of peaks, or if its values have one
+    sign, and its first column may be periods or frequencies: the header mentions a spectrum, or the
+    column is not named as a time. `T` is also the symbol of a period.
     """
-    names, time = table.names, table.time
-    if time is None or table.one_sided:
-        return
+    names, time = table.names, table.roles.time
     values = [table.columns[index] for index in table.candidates]
-    first = names[time].text if names and names[time].quantity == TIME else ""
+    if table.one_sided or (time is None and len(values) != 1):
+        return
+    if not (table.values or table.roles.ignored):
+        raise OtherContent(
+            "the column always increases or decreases, as times and periods do; for a ramp specify "
+            "`one_sided`",
+            "times",
+        )
+    first = names[time].text if names and time is not None else ""
     has_motion = any(name.quantity in MOTIONS for name in names)
     texts = [*header, *(name.text for name in names)]
     word = next((match[0] for text in texts if (match := _SPECTRAL_WORD.search(text))), "")
     is_spectrum = bool(word) and not has_motion and sum(v.size for v in values) >= _MIN_VALUES // 2
-    may_be = not first or first.partition(" ")[0] == "T"
     if is_spectrum and all(np.min(column) >= 0.0 for column in values):
         raise OtherContent(
             f"the header mentions {word!r}, and no value is negative: the table contains a "
             "spectrum, not a ground motion; specify the file of the acceleration",
             "spectrum",
         )
+    may_be = not first or first.partition(" ")[0] == "T"
+    if time is None:  # a constant is no list of peaks
+        may_be = not (table.stated.intervals or table.stated.units) and bool(np.ptp(values[0]))
     if may_be and values and all(map(has_one_sign, values)):
         raise RecordError(
-            "no value is below zero, or none is above, and the first column may be periods or "
-            "frequencies of a spectrum; if the values are a pulse of one sign, specify `one_sided`"
+            "no value is below zero, or none is above: a list of peaks, or a spectrum with periods "
+            "or frequencies; for a pulse of one sign, specify `one_sided`"
         )
 
 
@@ -362,25 +378,33 @@ def _with_separate_first_lines(
     blocks: list[NumberBlock], main: int, numbers: Numbers, layout: TextLayout
 ) -> tuple[NumberBlock, Numbers]:
     """Return the main block with the count and the interval above it, which text may separate from
-    the samples (`name`, `4000 0.01`, `ACCELERATION IN G`)."""
+    the samples (`name`, `4000 0.01`, `ACCELERATION IN G`), or which may be a comment."""
     block, previous = blocks[main], blocks[main - 1]
-    is_short = main > 0 and len(previous.lines) <= 2 and len(" ".join(previous.lines).split()) <= 3
-    if is_short:
-        joined = NumberBlock(
-            previous.above,
-            [*previous.lines, *block.lines],
-            [*previous.line_numbers, *block.line_numbers],
-            [index + len(previous.lines) for index in block.after_blank],
-        )
+    if rows := [row for line in block.above if (row := _commented_row(line))]:
+        previous = NumberBlock(block.above, rows[-1:], [block.line_numbers[0] - 1])
+    elif main == 0 or len(previous.lines) > 2 or len(" ".join(previous.lines).split()) > 3:
+        return block, numbers
+    joined = NumberBlock(
+        previous.above,
+        [*previous.lines, *block.lines],
+        [*previous.line_numbers, *block.line_numbers],
+        [index + len(previous.lines) for index in block.after_blank],
+    )
+    with suppress(RecordError):
         above = block_numbers(previous)
         together = Numbers(
             np.concatenate((above.values, numbers.values)),
             np.concatenate((above.widths, numbers.widths)),
         )
-        with suppress(RecordError):
-            if first_numbers(joined, together, layout).lines == len(previous.lines):
-                return joined, together
+        if first_numbers(joined, together, layout).lines == len(previous.lines):
+            return joined, together
     return block, numbers
+
+
+def _commented_row(line: str) -> str:
+    """Return the numbers in a comment; empty if a line is no comment or contains other text."""
+    comment = COMMENT.fullmatch(line)
+    return comment[1].strip() if comment and is_row_of_numbers(comment[1]) else ""
 
 
 def _without_cards(block: NumberBlock, numbers: Numbers, names: Names) -> Numbers:
@@ -472,6 +496,25 @@ def _check_surroundings(
             )
     if is_confirmed:
         return
+    # A damaged first or last row is not a row of numbers. The last row may be shorter.
+    width = numbers.width
+    after = blocks[main + 1].above if main + 1 < len(blocks) else below
+    first, last = blocks[main].line_numbers[0] - 1, blocks[main].line_numbers[-1] + 1
+    neighbors = [
+        (line, f"line {first}", range(width - 1 if width > 2 else width, width + 2))
+        for line in blocks[main].above[-1:]
+    ]
+    neighbors += [(line, f"line {last}", range(1, width + 2)) for line in after[:1]]
+    for line, where, widths in neighbors:
+        words = _SEPARATORS.split(line.strip())
+        damaged = sum(map(_resembles_number, words))
+        # A line with a unit or a sampling interval is a header.
+        is_damaged = len(words) in widths and damaged and 2 * damaged >= len(words)
+        if is_damaged and not (statements([line]) or COMMENT.fullmatch(line)):
+            raise RecordError(
+                f"{where}: {line.strip()[:60]!r} next to the samples must contain numbers; correct "
+                "or remove it"
+            )
     for block in blocks[:main]:
         words = " ".join(block.lines).split()
         is_name = len(block.lines) <= 2 and all(map(_INTEGER.fullmatch, words))
@@ -484,24 +527,6 @@ def _check_surroundings(
             raise RecordError(
                 f"the numbers in {where} precede the samples, and the header does not explain "
                 f"them; if they are no samples, skip them by `skip_lines={last}`"
-            )
-    # A damaged first or last row is not a row of numbers. The last row may be shorter.
-    width = numbers.width
-    after = blocks[main + 1].above if main + 1 < len(blocks) else below
-    neighbors = [
-        (line, range(width - 1 if width > 2 else width, width + 2))
-        for line in blocks[main].above[-1:]
-    ]
-    neighbors += [(line, range(1, width + 2)) for line in after[:1]]
-    for line, widths in neighbors:
-        words = _SEPARATORS.split(line.strip())
-        damaged = sum(map(_resembles_number, words))
-        # A line with a unit or a sampling interval is a header.
-        is_damaged = len(words) in widths and damaged and 2 * damaged >= len(words)
-        if is_damaged and not statements([line]):
-            raise RecordError(
-                f"the line {line.strip()[:60]!r} next to the samples must contain numbers; correct "
-                "or remove it"
             )
 
 
@@ -553,146 +578,83 @@ def _layout_of(
     block: NumberBlock, numbers: Numbers, table: TableColumns, layout: TextLayout
 ) -> tuple[str, str]:
     """Return the layout of a block (`single`, `rows`, `numbered rows`, `columns`, `pairs`), and the
-    reason for rows; raise RecordError if the layout contradicts the file, or if it is
+    reason for rows; raise RecordError if an option contradicts the file, or if the layout is
     unknown."""
-    stated, names = table.stated, table.names
+    lines, total = numbers.sizes
+    kind, count, reason = next(_layouts(block, numbers, table, layout))
+    _check_count(table.stated, count, lines, total)
+    if layout.rows and kind in ("columns", "pairs"):
+        raise RecordError(f"`rows` contradicts {reason}; remove it")
+    if layout.column and "rows" in kind and lines > 1:
+        raise RecordError(
+            f"`column` cannot be used: each line continues one ground motion ({reason}); remove it"
+        )
+    # The last line of pairs may be shorter.
+    is_complete = numbers.widths[-1] % 2 == 0 if kind == "pairs" else numbers.is_complete
+    if kind in ("columns", "pairs") and not is_complete:
+        raise _irregular(block, numbers)
+    return kind, reason if "rows" in kind else ""
+
+
+def _layouts(
+    block: NumberBlock, numbers: Numbers, table: TableColumns, layout: TextLayout
+) -> Iterator[tuple[str, int, str]]:
+    """Yield the layouts of a block for which there is evidence, in the order of its strength, with
+    the number of samples and the evidence; then raise the question for the layout."""
+    stated, names, roles = table.stated, table.names, table.roles
     lines, total = numbers.sizes
     width = numbers.width
+    # A column of line numbers is not a part of the samples.
+    is_numbered = bool(roles.ignored) and width > 3
+    rows, count = ("numbered rows", total - lines) if is_numbered else ("rows", total)
+    by_values = f"the header states {count} samples, the number of values"
     if not numbers.is_regular:
         if total in stated.counts:
-            return "rows", f"the header states {total} samples, the number of values"
+            yield "rows", total, by_values
         raise _irregular(block, numbers)
     if width == 1:
-        _check_count(stated, lines, lines, total)
-        return "single", ""
-
+        yield "single", lines, ""
     if lines == 1:
-        _check_count(stated, total, lines, total)
-        return "rows", "the table has only one line"
-    # Names and times show columns.
-    values = numbers.table()
-    pairs = None if names or table.ignored else paired(values)
-    if names or table.time is not None or pairs is not None:
-        if layout.rows:
-            raise RecordError(
-                f"`rows` contradicts the {'names of the columns' if names else 'times'} in the "
-                "table; remove it"
-            )
-        # The last line of pairs may be shorter.
-        if numbers.widths[-1] != width and (pairs is None or numbers.widths[-1] % 2):
-            raise _irregular(block, numbers)
-        count = lines if pairs is None else total // 2
-        _check_count(stated, count, lines, total)
-        return ("columns" if pairs is None else "pairs"), ""
-
-    # A column of line numbers is not a part of the samples.
-    is_numbered = bool(table.ignored) and width > 3
-    kind = "numbered rows" if is_numbered else "rows"
-    value_count = total - lines if is_numbered else total
+        yield "rows", total, "the table has only one line"
+    if roles.has_pairs:
+        yield "pairs", total // 2, "the times in the table"
+    if names:
+        yield "columns", lines, "the names of the columns in the table"
+    if roles.time is not None:
+        yield "columns", lines, "the times in the table"
+    if count in stated.counts:
+        yield rows, count, by_values
     if stated.counts:
-        _check_count(stated, value_count, lines, total, lines)
-        if value_count in stated.counts:
-            if layout.column:
-                raise _no_columns(f"the header states {value_count} samples")
-            return kind, f"the header states {value_count} samples, the number of values"
-        if layout.rows:
-            raise RecordError(
-                f"`rows` contradicts the header, which states {lines} samples, the number of "
-                "lines; remove it"
-            )
-        if numbers.widths[-1] != width:
-            raise _irregular(block, numbers)
-        return "columns", ""
-
-    # With line numbers and a single other column, there is no choice.
-    if len(table.ignored) == width - 1:
-        return "columns", ""
-    found, evidence = continuity(values[:, int(is_numbered) :])
-    if layout.column and found == "rows":
-        raise _no_columns(evidence)
-    if layout.rows or found == "rows":
-        return kind, evidence if found == "rows" else "as specified by `rows`"
+        yield "columns", lines, f"the header, which states {lines} samples, the number of lines"
+    if len(roles.ignored) == width - 1:  # there is no choice
+        yield "columns", lines, "the single column"
+    found, evidence = continuity(numbers.table()[:, int(is_numbered) :])
+    if found == "rows":
+        yield rows, count, evidence
+    if layout.rows:
+        yield rows, count, "as specified by `rows`"
     # Rows of samples may have a shorter last line, columns may not.
-    is_complete = numbers.widths[-1] == width
-    if layout.column and not is_complete:
-        raise _irregular(block, numbers)
-    if layout.column or (found == "columns" and is_complete):
-        return "columns", ""
-    reason = evidence or _NO_EVIDENCE.get(width, f"only {len(values)} lines")
-    columns = tuple(str(index + 1) for index in range(width) if index not in table.ignored)
+    if layout.column or (found == "columns" and numbers.is_complete):
+        yield "columns", lines, evidence
+    reason = evidence or _NO_EVIDENCE.get(width, f"only {lines} lines")
     raise incomplete(
         f"the table that starts in line {block.line_numbers[0]} has {width} values per line, and "
         f"the file does not show ({reason}) whether each line continues one ground motion (specify "
         "`rows`) or each column is a separate ground motion (specify `column`)",
         table,
         layout,
-        Missing(columns=columns, rows=True),
+        Missing(
+            columns=tuple(str(i + 1) for i in range(width) if i not in roles.ignored), rows=True
+        ),
     )
 
 
 _NO_EVIDENCE = {2: "no times, no number of samples"}
 
 
-def _time_and_ignored(
-    numbers: Numbers, names: Names, ignored: frozenset[int], layout: TextLayout
-) -> tuple[int | None, frozenset[int]]:
-    """Return the index of the column of times (None without times) and the indices of columns of
-    text or line numbers.
-
-    A name or a unit of time shows the times. Otherwise, the first column that does not number the
-    lines contains times if it increases by equal steps under any name that is not an acceleration,
-    or if it increases and has no name.
-    """
-    width = numbers.width
-    if width == 1 or not numbers.is_regular:
-        return None, ignored
-    table = numbers.table()
-    for index, name in enumerate(names):
-        has_seconds = bool(name.units) and name.units in SECONDS and name.quantity == OTHER
-        if index not in ignored and (
-            name.quantity == TIME or (has_seconds and are_times(table[:, index]))
-        ):
-            # Line numbers may precede the times.
-            counted = {i for i in range(index) if counts_rows(table[:, i])}
-            return index, ignored | counted
-    # Pairs of times and values in a line also start with a time.
-    has_pairs = not names and paired(table) is not None
-    others = set(ignored)
-    is_first = True
-    for index in range(width):
-        column = table[:, index]
-        if index in others:
-            continue
-        if counts_rows(column):
-            others.add(index)
-            continue
-        if has_pairs:
-            break
-        is_motion = bool(names) and bool(quantity_of_units(names[index].units))
-        if not is_motion and are_times(column):
-            return index, frozenset(others)
-        if is_first and not (names or layout.rows) and _increases(column):
-            return index, frozenset(others)
-        is_first = False
-    return None, frozenset(others)
-
-
-def _increases(column: NDArray[np.float64]) -> bool:
-    """Return True if each number of a column is larger than the number above it."""
-    return column.size > 1 and bool(np.all(np.diff(column) > 0.0))
-
-
-def _no_columns(reason: str) -> RecordError:
-    """Return the error that the user selects a column of a table of rows."""
-    return RecordError(
-        f"`column` cannot be used: each line continues one ground motion ({reason}); remove it"
-    )
-
-
-def _check_count(stated: Statements, count: int, lines: int, total: int, *others: int) -> None:
-    """Raise RecordError if the header states numbers of samples, but neither `count` nor another
-    possible number."""
-    if stated.counts and stated.counts.isdisjoint((count, *others)):
+def _check_count(stated: Statements, count: int, lines: int, total: int) -> None:
+    """Raise RecordError if the header states other numbers of samples than `count`."""
+    if stated.counts and count not in stated.counts:
         numbers = " or ".join(map(str, sorted(stated.counts)))
         values = "" if total == lines else f" with {total} values"
         raise RecordError(
@@ -727,7 +689,7 @@ _MAX_HEADER_ROWS = 3  # rows of numbers at the start that may belong to the head
 
 
 def _names_and_header(
-    blocks: Sequence[NumberBlock], width: int, layout: TextLayout
+    blocks: Sequence[NumberBlock], numbers: Numbers, layout: TextLayout
 ) -> tuple[Names, list[str]]:
     """Return the names of the columns, and the other lines of text above the last block.
 
@@ -740,13 +702,17 @@ def _names_and_header(
     RecordError
         A line of recognized names has another number of names than the rows.
     """
-    block = blocks[-1]
-    above = [line for line in block.above if re.search(r"\w", line)]
+    block, width = blocks[-1], numbers.width
+    above = [x for x in block.above if re.search(r"\w", x) and not _commented_row(x)]
     header = [line for earlier in blocks[:-1] for line in earlier.above]
     separator = block.separator
     for index in range(len(above) - 1, max(len(above) - 1 - _MAX_LINES_BELOW_NAMES, -1), -1):
         names = column_names(above[index], separator) or column_names(above[index])
         others = [*above[:index], *above[index + 1 :]]
+        first = numbers.table()[:, 0] if numbers.is_regular else np.ones(1)
+        # Names of rows are texts, which are zero here, or numbers of the rows.
+        if len(names) == width - 1 > 0 and (counts_rows(first) or not np.any(first)):
+            names = (ColumnName(OTHER), *names)  # the column of row names has no name
         if len(names) == width:
             units = above[index + 1 :]
             if len(units) == 1:
@@ -759,7 +725,7 @@ def _names_and_header(
             )
     if width > 1 and above:
         for count in (2, 1):
-            if names := _other_names(above[-count:], separator, width, layout):
+            if names := _other_names(above[-count:], separator, numbers, layout):
                 return names, header + above[:-count]
     return (), header + above
 
@@ -767,32 +733,40 @@ def _names_and_header(
 _MAX_LINES_BELOW_NAMES = 4  # lines between the names of the columns and the rows
 
 
-def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextLayout) -> Names:
+def _other_names(
+    lines: Sequence[str], separator: str, numbers: Numbers, layout: TextLayout
+) -> Names:
     """Return the column names in the last line, or in the line before the last line and their units
     in the last line; empty if the lines do not name the columns.
 
-    Words that are separated by blanks may be a sentence. They name the columns only if one word is
-    a time, or if the user selects a word or skips the lines above.
+    Words that are separated by blanks may be a sentence. They name the columns only if the column
+    of a word for a time increases, or if the user selects a word or skips the lines above.
     """
-    names = any_names(lines[0], separator, width)
+    names = any_names(lines[0], separator, numbers.width)
     is_statement = bool(statements(lines[:1]) or declarations(lines[-1]))
     if len(lines) == 2:
         return () if is_statement else with_units(names, lines[1], separator)
+    has_time = numbers.is_regular and any(
+        axis(numbers.table()[:, index])
+        for index, name in enumerate(names)
+        if name.quantity == TIME or (name.units and name.units in SECONDS)
+    )
     if not names or is_statement:
         accelerations = [name for name in names if name.quantity == "acceleration" and name.units]
         is_numbered = len(accelerations) == len(names) - 1 and bool(
             _NUMBER.fullmatch(names[0].plain)
         )
-        is_named = bool(accelerations) and (names[0].quantity == TIME or is_numbered)
-        return names if is_named else ()
+        return names if accelerations and (has_time or is_numbered) else ()
     is_sentence = not re.search(r"[,;\t]|\s{2,}", lines[0].strip())
-    has_time = any(name.quantity == TIME for name in names) or (
-        bool(names[0].units) and names[0].units in SECONDS
-    )
+    if is_sentence and (_SENTENCE.search(lines[0]) or has_pairs(numbers)):
+        return ()
     is_selected = any(_has_name(names, column) for column in layout.column)
     is_named = not is_sentence or has_time or is_selected or bool(layout.skip_lines)
     return names if is_named else ()
 
+
+_SENTENCE = re.compile(r"\b(?:of|the|in|for|del?|series|history)\b", re.IGNORECASE)
+"""Pattern of words that occur in titles, not in the names of columns."""
 
 _NUMBER = re.compile(r"#|n|no\.?|nr\.?|number|index|i|row|line|points?|samples?|counts?")
 """Pattern of the name of a first column that numbers the lines."""

@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizer
 from tdint.ground_motion.formats.series import Header, Series, StatedPeak, code, moment, reader
+from tdint.ground_motion.missing import OtherContent
+
+IS_OF_ONE_QUANTITY = True  # a file contains an acceleration, a velocity or a displacement
 
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 """Numbers of lines of text, of integers and of reals in the header of an SMC file."""
@@ -82,10 +85,10 @@ def read_smc(lines: Lines) -> list[Series]:
     texts = [lines.take() for _ in range(_TEXTS)]
     quantity = _QUANTITY.match(texts[0])
     if not quantity or quantity[1] not in _UNITS:
-        raise RecordError(
+        raise OtherContent(
             "the file must contain a ground motion, but line 1 states "
-            f"{texts[0].strip().lower()[:60]!r}; specify a file with an acceleration, a velocity "
-            "or a displacement"
+            f"{texts[0].strip().lower()[:60]!r}",
+            "spectrum",
         )
     integers = lines.numbers(_INTEGERS, _INTEGER_WIDTH).tolist()
     reals = lines.numbers(_REALS, _REAL_WIDTH).tolist()

@@ -15,7 +15,9 @@ import codecs
 import hashlib
 import re
 import struct
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
@@ -29,6 +31,7 @@ from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
+from tdint.units import parse_units
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -90,6 +93,16 @@ _TAR_MARK = slice(257, 262)  # position of the signature of a tar archive
 
 _COMPRESSIONS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 """Compression programs by the first bytes of their files."""
+
+_LOADED_BY = {
+    rb"MATLAB 5": ("MATLAB", "scipy.io.loadmat({!r})['NAME']"),
+    rb"MATLAB 7|\x89HDF": ("HDF5", "h5py.File({!r})['NAME'][()]"),
+    rb"\x93NUMPY": ("NumPy", "numpy.load({!r})"),
+    rb"\{.*\}\s*\n\s*\{": ("JSON", "[json.loads(line)['NAME'] for line in open({!r})]"),
+    rb"\s*[\[{]": ("JSON", "json.load(open({!r}))['NAME']"),
+}
+"""Types of files and Python expressions that load the samples, by a pattern of the first bytes;
+NAME is the name of the samples."""
 
 
 def read_bytes(source: str | Path) -> bytes:
@@ -262,10 +275,14 @@ class _Recognized(NamedTuple):
     ----------
     read : callable
         Function without arguments that returns the ObsPy stream of the file.
+    is_of_one_quantity : bool
+        The file may contain a velocity, a displacement or a spectrum of a motion whose acceleration
+        is in another file.
     """
 
     format: str
     read: Callable[[], Any]
+    is_of_one_quantity: bool
 
 
 class Contents(NamedTuple):
@@ -307,18 +324,40 @@ def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
     data = _with_usual_numbers(data)
     try:
         recognized = _require_format(data, source, layout)
-        if recognized.format != TEXT_TABLE:
+        if not recognized.is_of_one_quantity:
             return ""
-        # Tables may be response spectra, which only their reader recognizes.
+        # These files may be response spectra, which only their reader recognizes.
         if not (content := other_type(source, data)):
             _read(recognized)
     except OtherContent as error:
-        return "" if has_data_suffix(source) else error.content
+        is_data = has_data_suffix(source) and error.content != "spectrum"
+        return "" if is_data else error.content
     except RecordError:
         content = other_type(source, data)
         if not (content or has_data_suffix(source)) and has_few_numbers(data):
             return "no numbers"
     return content
+
+
+def repeated_quantities(
+    names: Iterable[str], read: Callable[[str], bytes] = read_bytes
+) -> dict[str, str]:
+    """Return the names of the velocities and displacements of motions with an acceleration that is
+    in another file, by the content of the files, with their quantity."""
+    found = []
+    for name in names:
+        with suppress(Exception):  # Reading the file later reports its error.
+            recognized = _by_header(read(name))
+            if recognized and recognized.is_of_one_quantity:
+                trace = _read(recognized)[0][0]
+                key = (Path(name).parent, trace.id, str(trace.stats.starttime))
+                found.append((key, name, parse_units(trace.stats.tdint_units).quantity))
+    accelerations = {key for key, _, quantity in found if quantity == "acceleration"}
+    return {
+        name: quantity
+        for key, name, quantity in found
+        if quantity != "acceleration" and key in accelerations
+    }
 
 
 def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
@@ -401,7 +440,8 @@ def _records_in_archive(
     if any(name.endswith(_SPREADSHEET_MEMBERS) for name, _ in files):
         raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV", "spreadsheet")
     unused = {name: _other_content(content, name, layout) for name, content in files}
-    unused |= repeated_motions(name for name, why in unused.items() if not why)
+    names = [name for name, why in unused.items() if not why]
+    unused |= repeated_motions(names) | repeated_quantities(names, dict(files).__getitem__)
     records = [(name, content) for name, content in files if not unused[name]]
     return records, {name: why for name, why in unused.items() if why}
 
@@ -468,13 +508,13 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
 
 
 def is_json(data: bytes) -> bool:
-    """Return True if a file contains an object or a list of JSON."""
+    """Return True if a file contains an object or a list of JSON, or objects in separate lines."""
     if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in (b"{", b"["):
         return False
     import json  # imported late: needed only for files that may be JSON
 
     try:
-        json.loads(data)
+        json.loads(data.partition(b"\n{")[0] if data.startswith(b"{") else data)
     except (ValueError, RecursionError):
         return False
     return True
@@ -494,39 +534,35 @@ def _with_usual_numbers(data: bytes) -> bytes:
         data = data.replace(_MINUS, b"-")
     if b"," not in data:
         return data
+    data = _without_groups(data, rb"\.", b",")
+    if b";" in data or b"\t" in data or b'"' in data:
+        data = _without_groups(data, b",", rb"\.")
     if b'"' in data:
-        data = _with_plain_quoted_numbers(data)
-    if b";" in data or b"\t" in data:
-        data = _GROUPED_CELL.sub(lambda cell: cell[0].replace(b",", b""), data)
+        data = re.sub(_QUOTED, rb"\1.\2", data)
     return _with_decimal_points(data)
 
 
 _MINUS = "\N{MINUS SIGN}".encode()
-_GROUPED = rb"[-+]?[1-9]\d{0,2}(?:,\d{3})+\.\d+"
-_GROUPED_CELL = re.compile(
-    rb"(?<=[;\t])[ ]*" + _GROUPED + rb"(?=[ ]*[;\t\r\n])|^[ ]*" + _GROUPED + rb"(?=[;\t])",
-    re.MULTILINE,
-)
-"""Pattern of a cell between semicolons or tabs with separators of thousands, such as 1,005.4."""
-
-_QUOTED = rb'"\s*([-+]?\d+(?:,\d+)+(?:\.\d*)?(?:[EeDd][-+]?\d+)?)\s*"'
-_THOUSANDS = rb"[-+]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?"
+_QUOTED = rb'"\s*([-+]?\d+),(\d+(?:[EeDd][-+]?\d+)?)\s*"'
+"""Pattern of a number between quotation marks with a decimal comma."""
 
 
-def _with_plain_quoted_numbers(data: bytes) -> bytes:
-    """Return a text file without the commas in numbers between quotation marks: separators of
-    thousands are omitted, decimal commas become points. Commas are separators of thousands if each
-    of these numbers may have them, and another number has a decimal point."""
-    quoted = {match[1] for match in re.finditer(_QUOTED, data)}
-    if not quoted:
+def _without_groups(data: bytes, mark: bytes, point: bytes) -> bytes:
+    """Return a text file without the marks that separate thousands: `1.067,72` becomes `1067,72`,
+    and `1,067.72` becomes `1067.72`.
+
+    A mark separates thousands if each number with the mark may have such groups, and other numbers
+    have the decimal point only. Both marks are patterns.
+    """
+    if not re.search(mark, data) or re.search(rb"(?<![\d.,])0?" + mark + rb"\d", data):
         return data
-    are_thousands = all(re.fullmatch(_THOUSANDS, text) for text in quoted) and (
-        any(b"." in text for text in quoted) or bool(re.search(rb"\d\.\d", data))
-    )
-    mark = b"" if are_thousands else b"."
-    if not are_thousands and any(text.count(b",") > 1 or b"." in text for text in quoted):
+    group = rb"[-+]?[1-9]\d{0,2}(?:" + mark + rb"\d{3})+"
+    cells = set(re.findall(rb'"([^"]*)"', data) or re.split(rb"[;\s]+", data))
+    marked = [cell for cell in cells if re.fullmatch(rb"[-+]?\d[\d.,]*" + mark + rb".*", cell)]
+    are_groups = all(re.fullmatch(group + rb"(?:" + point + rb"\d*)?", cell) for cell in marked)
+    if not are_groups or not re.search(rb"(?<![\d.,])\d+" + point + rb"\d", data):
         return data
-    return re.sub(_QUOTED, lambda match: match[1].replace(b",", mark), data)
+    return re.sub(rb"(?<![\d.,])" + group, lambda cell: re.sub(mark, b"", cell[0]), data)
 
 
 _COMMA_NUMBER = rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?"
@@ -619,11 +655,13 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
             raise RecordError(f"{source}: the file is compressed ({program}); uncompress it first")
     if data.startswith(_OLE_SIGNATURE):
         raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV", "spreadsheet")
-    if is_json(data):
-        raise RecordError(
-            f"{source}: the file is JSON, which is not read; write its samples to a text file with "
-            "the first line `# dt = 0.01 s, units = g`"
-        )
+    for pattern, (content, load) in _LOADED_BY.items():
+        if re.match(pattern, data) and (content != "JSON" or is_json(data)):
+            raise RecordError(
+                f"{source}: the file is {content}, which is not read; write a text file, in "
+                f"Python: a = {load.format(Path(source).name)}; "
+                "numpy.savetxt('record.txt', a, header='dt = 0.01 s, units = g')"
+            )
     # Pickle data start with the PROTO opcode 0x80 and end with the STOP opcode, a dot.
     if data.startswith(b"\x80") and data.endswith(b"."):
         reason = (
@@ -645,14 +683,24 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
 
     Text tables, which have no mark of a format, are tried after all formats.
     """
+    if recognized := _by_header(data):
+        return recognized
+    from tdint.ground_motion.formats.text import find_table  # needed only for tables
+
+    table = None if is_json(data) else find_table(data, layout)
+    return _Recognized(TEXT_TABLE, table.read, is_of_one_quantity=True) if table else None
+
+
+def _by_header(data: bytes) -> _Recognized | None:
+    """Return the format of a file that has the header of a format; None for tables."""
     with caught_messages():  # Warnings of formats that do not match are ignored.
         for plugin in plugins():
             if plugin.name != TEXT_TABLE and _recognizes(plugin, data):
-                return _Recognized(plugin.name, partial(_call, plugin.read_format, data))
-        from tdint.ground_motion.formats.text import find_table  # needed only for tables
-
-        table = None if is_json(data) else find_table(data, layout)
-    return _Recognized(TEXT_TABLE, table.read) if table else None
+                module = sys.modules[plugin.read_format.load().__module__]
+                if not getattr(module, "has_columns", lambda _: False)(data):
+                    read = partial(_call, plugin.read_format, data)
+                    return _Recognized(plugin.name, read, hasattr(module, "IS_OF_ONE_QUANTITY"))
+    return None
 
 
 def _recognizes(plugin: Plugin, data: bytes) -> bool:

@@ -29,6 +29,12 @@ _DATA_SUFFIXES = re.compile(
 """Pattern of suffixes of files that contain samples, also if the content shows no numbers because
 it is binary, compressed or damaged."""
 
+_SENSOR = re.compile(
+    r"(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*",
+    re.IGNORECASE,
+)
+"""Pattern of the names of the tables of a telephone next to its accelerations."""
+
 _RESULT = re.compile(rb'\s*\{\s*"schema":\s*\{\s*"name":\s*"tdint')
 _LIST = re.compile(
     rb"[\s\"']*(?:records?|file ?names?|files?|building)[\"']?\s*[,;\t]\s*[\"']?[a-z]",
@@ -60,6 +66,8 @@ def other_type(name: str, data: bytes) -> str:
         return "table of a search"
     if _DOCUMENT_SUFFIXES.fullmatch(path.suffix) or path.stem.upper() in ("README", "LICENSE"):
         return "document"
+    if _SENSOR.fullmatch(path.stem):
+        return "another sensor"
     if _RESULT.match(start) or _LIST.match(start):
         return "description or list of records"
     return ""

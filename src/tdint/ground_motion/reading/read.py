@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
+from tdint.ground_motion.choice import AS_STATED, RecordChoice, ResampledLayout, TextLayout
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.origin import origin_of
@@ -518,7 +518,10 @@ def _select_components(
     """
     name, component = str(source), choice.component
     data = read_bytes(source)
-    parts = read_all_contents(data, name, choice.layout)
+    layout = choice.layout
+    if choice.processing.resample:
+        layout = ResampledLayout(**layout.set_fields())
+    parts = read_all_contents(data, name, layout)
     components = [
         channel for part, contents in parts for channel in _group_by_channel(part, contents)
     ]

@@ -210,6 +210,11 @@ def are_counts(trace: Any) -> bool:
     return trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
 
 
+def are_whole(samples: NDArray[Any]) -> bool:
+    """Return True if all samples are whole numbers, and not all are zero."""
+    return bool(np.any(samples)) and not np.any(samples % 1.0)
+
+
 def declared_units(
     trace: Any, format_name: str, label: str, specified: Units | None = None
 ) -> Declared | None:
@@ -408,9 +413,18 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         The file has another format or channel, or its numbers are unlikely to be in m/s^2.
     """
     code = str(trace.stats.channel).upper()
-    likely = likely_units(float(np.max(np.abs(trace.data), initial=0.0)))
+    peak = float(np.max(np.abs(trace.data), initial=0.0))
+    likely = likely_units(peak)
     # The empty text in `tdint_units` means that the user must specify the units.
-    if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
+    is_whole = are_whole(trace.data)
+    if "sac" in trace.stats and (is_whole or re.fullmatch(_OTHER_INSTRUMENT, code)):
+        evidence = "all are whole numbers" if is_whole else f"{code} is no accelerometer"
+        problem = (
+            f"the file does not state the units of its samples, and {evidence}: probably counts; "
+            f"{_SPECIFY_COUNT_OR_RESPONSE}"
+        )
+        likely = "0.001 cm/s^2"
+    elif format_name != "MSEED" or trace.stats.get("tdint_units") == "":
         problem = f"the file does not state the units of its samples; {_ANY_UNITS}"
     elif len(code) != 3 or code[1] != _ACCELEROMETER:
         problem = (
@@ -422,9 +436,17 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
         why_unlikely, likely = _why_unlikely(trace, label)
         if not why_unlikely:
+            peaks = {unit: peak * parse_units(unit).scale for unit in ("m/s^2", "cm/s^2", "g")}
+            # A recorded peak is above 1e-3 m/s^2.
+            possible = " or ".join(
+                f"{value / STANDARD_GRAVITY:.3g} g in {unit}"
+                for unit, value in peaks.items()
+                if 1e-3 <= value <= _MAX_PLAUSIBLE_ACCELERATION
+            )
             return Units("m/s^2", 1.0, has_factor=False), (
                 "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which "
-                "states no units; specify the units to confirm"
+                f"states no units; the peak is {possible or 'unusual'}: specify the units to "
+                "confirm"
             )
         problem = (
             "MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
@@ -489,9 +511,9 @@ def _why_unlikely(trace: Any, label: str) -> tuple[str, str]:
         return f"the mean is {mean:.5g}, probably {_GRAVITIES[gravity]}", (
             "g" if gravity == 1.0 else "m/s^2"
         )
-    if peak and not np.any(samples % 1.0):
+    if are_whole(samples):
         return (
-            "all samples are whole numbers, probably counts, of which each has a value",
+            "all samples are whole numbers, probably counts",
             "0.001 cm/s^2",
         )
     dt = float(trace.stats.delta)

@@ -29,7 +29,11 @@ from tdint.ground_motion.horizontals import (
 from tdint.ground_motion.measures import baseline_notes_of_suite
 from tdint.ground_motion.origin import matched_clause
 from tdint.ground_motion.processing_steps import processed
-from tdint.ground_motion.reading.contents import other_content, record_formats
+from tdint.ground_motion.reading.contents import (
+    other_content,
+    record_formats,
+    repeated_quantities,
+)
 from tdint.ground_motion.reading.other_files import repeated_motions, unused_text
 from tdint.ground_motion.reading.read import channel_records
 from tdint.ground_motion.reading.sample_units import file_units
@@ -119,7 +123,8 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
                 protect_input(file)
             if unused:
                 notes.append(f"{name}: not used: {unused_text(unused)}")
-    if repeated := repeated_motions(file for file in files if file != STDIN):
+    read = [file for file in files if file != STDIN]
+    if repeated := repeated_motions(read) | repeated_quantities(read[1:] and read):
         notes.append(f"not used, because another file contains the motion: {unused_text(repeated)}")
     files = [file for file in files if file not in repeated]
     # Options of a description apply to its own files only.
