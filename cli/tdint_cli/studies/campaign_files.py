@@ -542,7 +542,7 @@ def _write(
     for name, table in schema.PART_TABLES.items():
         # Rows of stories are also stored for profiles.csv. Elements, attachments, links and events
         # have rows only if the buildings or the motions have them.
-        is_written = settings["stories"] if name == STORIES else any(store.parts(table))
+        is_written = settings["stories"] if name == STORIES else store.has_rows(table)
         if is_written:
             files[name] = partial(tables.part_table(store, table).write, units=units)
     # Tables of means over the motions are written only after all runs are completed.

@@ -175,7 +175,7 @@ class SuiteResults:
         """Clause on matched ground motions (`tdint.ground_motion.origin.matched_clause`) and on
         scale factors."""
         origins = [MotionOrigin.of(entry["origin"]) for entry in self.store.origins().values()]
-        records = self.store.connection.execute("SELECT count(*) FROM records").fetchone()[0]
+        records = self.store.value("SELECT count(*) FROM records")
         clauses = (matched_clause(origins, records, spectrum_text), self._scaling_clause())
         return ", ".join(filter(None, clauses))
 

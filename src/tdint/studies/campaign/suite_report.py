@@ -51,6 +51,7 @@ from tdint.studies.motions.intensity import GEOMETRIC_MEAN
 from tdint.studies.motions.pairs import MIN_COMMON, describe_demand, recordings_of
 from tdint.studies.motions.scaling import Scaling
 from tdint.studies.store.result_store import Store
+from tdint.studies.store.schema import ELEMENTS
 from tdint.units import SI, OutputUnits, suffix
 
 _MAX_MODELS = 8
@@ -779,7 +780,7 @@ def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> tuple[
     # Mean peak force, N, of each element by its story (from 1) and name, over the motions
     columns = "story, element, peak_force_N"
     values: dict[tuple[int, str], dict[Run, float]] = defaultdict(dict)
-    for run, story, element, force in store.values_of_runs("element_rows", columns, number):
+    for run, story, element, force in store.rows_of_runs(ELEMENTS, columns, number):
         values[story, element][run] = force
     element_forces = {key: float(np.mean(profile.demands(runs))) for key, runs in values.items()}
     for index, story in enumerate(model.stories):
