@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, Numbers, each_array
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
+from tdint.model.status import NO_RESULT
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.energy import ENERGY_ROUNDING
 from tdint.tabular import Described, Tabular, WithTable
@@ -758,9 +759,7 @@ class Response(Tabular):
         )
 
 
-DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
-UNSTABLE, NO_STEP = "unstable-step", "not-within-tolerance"
-FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP)
+DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP = FAILED = NO_RESULT
 """Status values of runs without a result."""
 
 

@@ -33,6 +33,7 @@ from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_file, is_folder
 from tdint.fractiles import expected_deviation
 from tdint.model.damage_states import DamageStates
+from tdint.model.status import DONE, FALLEN, NO_RESULT
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
@@ -335,7 +336,9 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         # `beside_counts` removes the covariance if few records exceed, if nearly all exceed, or if
         # the median is outside the levels. In the last case, stripes keep the covariance.
         if SELDOM <= fraction <= 1.0 - SELDOM:
-            return replace(with_counts, covariance=function.covariance)
+            return replace(
+                with_counts, covariance=function.covariance, error_method=function.error_method
+            )
         return with_counts
 
     return FragilityResult.of(_by_threshold(table, request, fit))
@@ -437,13 +440,23 @@ def _fit_capacity_rows(
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit functions to a table with the columns `im`, `edp` and optionally `censored`, one for each
-    requested threshold."""
-    im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
+    """Fit functions to a table with the columns `im`, `edp` and optionally `censored`, `collapsed`
+    and `status`, one for each requested threshold. Collapses and failed runs have no demand."""
+    im = np.array(table.numbers("im", positive=True))
+    outcome = np.where(table.truths("collapsed"), pairs.COLLAPSED, pairs.COMPLETED)
+    if table.has("status"):
+        statuses = [text.lower() for text in table.texts("status")]
+        known = (DONE, *FALLEN, *NO_RESULT)
+        table.check("status", np.isin(statuses, known), f"must be one of {', '.join(known)}")
+        outcome = np.maximum(outcome, pairs.outcomes_of(statuses))
+    edp = np.array(table.numbers("edp", empty=True))
+    is_valid = (edp > 0.0) | (outcome != pairs.COMPLETED)
+    table.check("edp", is_valid, "must be a positive number unless the run collapsed or failed")
     names = (table.only("im_name"), table.only("unit"))
     censored = np.array(table.truths("censored"))
+    demand = pairs.with_outcomes(edp, outcome)
     runs = SuiteRuns(
-        im, edp, measures.motions_if_known(table), np.ones(im.size), names, censored=censored
+        im, demand, measures.motions_if_known(table), np.ones(im.size), names, censored=censored
     )
     return _fit_thresholds(table, runs, replace(request, fit=CLOUD))
 
