@@ -209,7 +209,8 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
         if is_requested and not plan.settings.keeps_stories:
             raise AnalysisError(f"{option}: {NOT_STORED}")
     if request.baseline is not None:
-        check_baseline(request.baseline, (building.name for building in plan.buildings))
+        names = (building.name for building in plan.buildings)
+        check_baseline(request.baseline, names, plan.own_periods)
 
 
 def _open_store(

@@ -130,7 +130,7 @@ def test_frequency_of_a_fit():
     curve = HazardCurve(IM[:4], RATE[:4])
     (result,), (warning,) = at_risk([fitted], curve, allow_outside=True)
     assert result.risk.annual_frequency_error > 0.0 and "outside the points" in warning
-    with pytest.raises(AnalysisError, match="another continuation.*at most 10 %"):
+    with pytest.raises(AnalysisError, match=r"another continuation.*at most 10 %"):
         at_risk([fitted], curve)
 
 

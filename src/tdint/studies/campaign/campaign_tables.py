@@ -90,6 +90,10 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
         Column("motions", "1", "profile.counts.completed", ""),
         Column(f"mean_{drift}{end}", drift_unit, "mean_drift", ""),
         Column(f"largest_{drift}{end}", drift_unit, "largest_drift", ""),
+        *(
+            Column(f"{name}_{drift}{end}", drift_unit, name, "")
+            for name in ("median", "p16", "p84")
+        ),
         Column("times_baseline", "1", "ratio", ""),
         Column.named("acceleration", "", "m/s^2"),
         Column(f"residual_{drift}{end}", drift_unit, "residual_drift", ""),
@@ -163,7 +167,8 @@ def run_table(store: Store) -> StoreTable:
     the campaign has them.
     """
     varied, cells_of = store.varied(), copied_cells(store)
-    parameters = dict.fromkeys(name for values in varied for name in values)
+    units = store.varied_units()
+    parameters = {name: units.get(name, "") for values in varied for name in values}
     shown = (*RUNS, *(RUN_ERRORS if store.checked else ()))
     columns = (*shown, *varied_columns(parameters))
     rows = (

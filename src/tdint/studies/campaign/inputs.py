@@ -153,31 +153,6 @@ def read_inputs(campaign: definition.CampaignFile, models: tuple[Model, ...] = (
     return Inputs(models, rows, motions, factors, damage, faults, too_far)
 
 
-def check_load_cases(campaign: definition.CampaignFile) -> None:
-    """Read the load cases of a campaign file without runs, for `tdint check`. Models that are
-    invalid are ignored, because they are checked separately.
-
-    Raises
-    ------
-    ModelError
-        A floor does not exist in a building.
-    RecordError
-        Files of load cases are invalid; the message has a line per reason.
-    """
-    assert isinstance(campaign.records, definition.LoadFiles)
-    models: list[Model] = []
-    rows: InventoryRows | None = None
-    if not isinstance(campaign.buildings, definition.InventoryFile):
-        for file in campaign.buildings:
-            with suppress(ModelError):
-                models.append(load_model(file))
-    else:
-        rows, _ = read_rows(campaign.buildings)
-    motions = read_load_cases(campaign.records, models, rows, campaign.source)
-    if motions.failures:
-        raise RecordError("\n".join(map(str, motions.failures)))
-
-
 def read_models(files: Sequence[str], analysis: definition.AnalysisOverrides) -> tuple[Model, ...]:
     """Read model files and apply the campaign's settings for all buildings.
 
@@ -488,7 +463,7 @@ def read_load_cases(
     # columns require a unit.
     unit: float | str = "the buildings of an inventory have no unit of force"
     if models:
-        first, *others = sorted({model.force_unit for model in models})
+        first, *others = sorted({model.units.force for model in models})
         unit = FORCE[first]
         if others:
             unit = f"the models have different units of force: {', '.join([first, *others])}"

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
-from tdint.errors import UsageError, did_you_mean
+from tdint.errors import ModelError, UsageError, did_you_mean
 from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import pair_name
 from tdint.model.limits import (
@@ -699,8 +699,12 @@ class Ratios(NamedTuple):
         return self.compared.level
 
 
-def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
-    """Raise UsageError if a baseline is not one of the buildings, or is the only building."""
+def check_baseline(
+    baseline: str, buildings: Iterable[str], own_periods: Mapping[str, float] | None = None
+) -> None:
+    """Raise UsageError if a baseline is not one of the buildings, or is the only building; and
+    ModelError if the motions were scaled to levels at `own_periods`, different first periods of the
+    buildings by name, s: then no motion is common."""
     names = list(dict.fromkeys(buildings))
     if baseline not in names:
         suggestion = did_you_mean(baseline, names)
@@ -710,9 +714,18 @@ def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
         )
     if len(names) == 1:
         raise UsageError(f"no other building to compare with {baseline!r}; add a building")
+    if own_periods:
+        period = own_periods[baseline]
+        raise ModelError(
+            f"--baseline {baseline}: the factors of a motion differ between the buildings, because "
+            "the levels are at the first period of each building (period: T1); use levels at one "
+            f"period in the campaign file, such as that of the baseline: `period: {period:.4g}`"
+        )
 
 
-def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
+def ratios(
+    profiles: Sequence[Profile], baseline: str, own_periods: Mapping[str, float] | None = None
+) -> list[Ratios]:
     """Divide the statistics of each building by the statistics of a baseline building, at each
     level of intensity, over the motions that the building and the baseline complete.
 
@@ -725,10 +738,10 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
 
     Raises
     ------
-    UsageError
-        The baseline does not exist, or is the only building.
+    UsageError, ModelError
+        As by `check_baseline`.
     """
-    check_baseline(baseline, (profile.building for profile in profiles))
+    check_baseline(baseline, (profile.building for profile in profiles), own_periods)
     result = []
     for level in at_levels(profiles):
         base = next((profile for profile in level if profile.building == baseline), None)
@@ -751,13 +764,14 @@ def ratios_of(compared: Profile, base: Profile, quantity: str) -> Ratios:
     """Return the ratios of a quantity of `STORY_QUANTITIES`, or of the base shear, of a building to
     a baseline at the same level."""
     is_base_shear = quantity == BASE_SHEAR
-    # Demands of the same motions in both buildings; a motion of only one building has no result.
-    keys = list(dict.fromkeys([*base.keys, *compared.keys]))
+    # Demands under the same motions, with the same factors, in both buildings
+    rows_of_key = [{key: i for i, key in enumerate(item.keys)} for item in (base, compared)]
+    keys = [key for key in rows_of_key[0] if key in rows_of_key[1]]
     values = []
-    for profile in (base, compared):
+    for profile, row_of_key in zip((base, compared), rows_of_key, strict=True):
         peaks = profile.peaks["peak_shear" if is_base_shear else quantity]
-        of_motions = np.full((len(keys), peaks.shape[1]), math.nan)
-        of_motions[[keys.index(key) for key in profile.keys]] = peaks
+        of_motions = np.full((max(len(keys), 1), peaks.shape[1]), math.nan)
+        of_motions[: len(keys)] = peaks[[row_of_key[key] for key in keys]]
         values.append(of_motions[:, :1] if is_base_shear else of_motions)
     is_drift = "drift" in quantity  # the drift of an isolator is its displacement
     apart = [[i - 1 for i in item.isolators] if is_drift else [] for item in (base, compared)]

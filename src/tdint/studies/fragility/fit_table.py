@@ -862,8 +862,9 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         states = collectors[name].states
         runs = collectors[name].runs(measure, intensities.unit)
         medians = dict(zip(states.states, states.medians, strict=True))
+        increments = np.diff(states.losses or np.full(len(medians), math.nan), prepend=0.0)
         state_fits = fit_states(runs, medians, request, states.dispersion)
-        for state, fit in zip(medians, state_fits, strict=True):
+        for state, increment, fit in zip(medians, increments.tolist(), state_fits, strict=True):
             if isinstance(fit, AnalysisError):
                 fits.append(AnalysisError(f"{name}, {fit}"))
                 continue
@@ -872,6 +873,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
                     fit,
                     type=name,
                     state=state,
+                    loss_increment=increment,
                     modeling_dispersion=request.modeling_dispersion,
                     pair_demand=rule.demand_if_pairs,
                 )

@@ -145,6 +145,9 @@ normal distribution of the logarithms, beta / sqrt(n) and beta / sqrt(2 n)."""
 FITS = (STRIPES, IDA, CLOUD)
 """Names of the available fits."""
 
+GIVEN = "given"
+"""Fit of a function whose median and dispersion are given."""
+
 _MOST_NAMES = 10
 """Maximum number of names of functions in a message, so that the message stays readable."""
 
@@ -374,6 +377,10 @@ class Fragility(Described):
     error_method : str
         Method of the standard errors: `jackknife`, `information` or `normal`; empty if they are
         unknown.
+    loss_increment : float
+        Loss ratio of the damage state minus that of the state before it; nan without losses.
+    annual_loss : float
+        Expected annual loss ratio of the building type by a hazard curve; nan if it is unknown.
     beta_within, beta_between : float
         Root mean square of the beta of each draw of the properties, and standard deviation of the
         logarithm of its theta; nan without draws, or if a draw alone determines no function.
@@ -407,6 +414,8 @@ class Fragility(Described):
     pair_demand: str = ""
     motions: int = 0
     error_method: str = ""
+    loss_increment: float = math.nan
+    annual_loss: float = math.nan
     beta_within: float = math.nan
     beta_between: float = math.nan
     points: Points | None = field(default=None, repr=False)

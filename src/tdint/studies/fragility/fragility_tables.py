@@ -95,6 +95,9 @@ _RISK = declared("fragility.risk")
 RISK = (*_RISK, *declared("fragility.risk-outside"))
 """Columns of the annual frequency by a hazard curve; frequencies in 1/year."""
 
+ANNUAL_LOSS = declared("fragility.annual_loss")
+"""Column of the expected annual loss."""
+
 RISK_TOTAL = tuple(
     column._replace(
         name=f"{column.name}_total", meaning=f"{column.meaning}; with the modeling dispersion"
@@ -140,6 +143,7 @@ def fragility_table(
         *((FRAGILITY_TOTAL,) if total else ()),
         *(_of("risk", RISK) if functions[0].risk else ()),
         *(_of("total_risk", RISK_TOTAL) if functions[0].total_risk else ()),
+        *(ANNUAL_LOSS if any(function.annual_loss >= 0.0 for function in functions) else ()),
         # Each bin has len(_COUNTS) columns; bins that no function has are omitted.
         *COUNTED[: len(_COUNTS) * max(bin_counts, default=0)],
         *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),

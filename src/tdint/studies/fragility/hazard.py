@@ -23,6 +23,7 @@ from scipy.special import log_ndtr, ndtri
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError
+from tdint.number_parsing import abbreviate
 from tdint.studies.fragility.fragility_function import (
     CollapseCloud,
     Fragility,
@@ -359,7 +360,14 @@ def at_risk(
     AnalysisError
         Other continuations of the curve would change a frequency by more than 10 %.
     """
-    results, warnings = [], []
+    results, warnings = list[Fragility](), list[str]()
+    measures = [*dict.fromkeys(function.im for function in functions if function.im)]
+    if not hazard.im_name and (len(measures) > 1 or any("T1" in name for name in measures)):
+        warnings.append(
+            f"{hazard.source}: the hazard curve does not state its intensity measure and period "
+            f"(column im_name), but the functions are in {abbreviate(measures, 4)}: one curve "
+            "cannot be that of all"
+        )
     for function in functions:
         curve = hazard.in_unit(function)
         total = curve.risk(function, total=True) if function.modeling_dispersion else None
@@ -383,4 +391,16 @@ def at_risk(
                 )
             warnings.append(text)
         results.append(replace(function, risk=risk, total_risk=total))
-    return results, warnings
+    return [replace(item, annual_loss=_annual_loss(item, results)) for item in results], warnings
+
+
+def _annual_loss(function: Fragility, functions: Sequence[Fragility]) -> float:
+    """Return the expected annual loss ratio of the type of a function: the integral of the mean
+    loss over the hazard, which is the sum over the damage states of the increment of the loss ratio
+    times the annual frequency, with the modeling dispersion if there is one."""
+    losses = [
+        item.loss_increment * (item.total_risk or item.risk).annual_frequency
+        for item in functions
+        if item.type == function.type and item.risk
+    ]
+    return math.fsum(losses) if losses else math.nan

@@ -23,6 +23,7 @@ from tdint.errors import OutputError
 from tdint.files import digest_of, is_file
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.output.tables.runs import si_units_of
 from tdint.output.tables.table import Column, names
 from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.buildings import (
@@ -35,6 +36,7 @@ from tdint.studies.campaign.buildings import (
     limits_of_text,
     limits_text,
     model_files,
+    models_of,
     output_units,
     plugin_files,
 )
@@ -111,7 +113,10 @@ class Identity:
         attributes |= {
             "study_type": "campaign",
             "settings": as_json(
-                asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
+                asdict(plan.settings)
+                | plan.levels.description()
+                | plan.assignment.description()
+                | ({"vary_units": dict(plan.vary_units)} if plan.vary_units else {})
             ),
             "units": output_units(plan.buildings),
             "building_numbers": building_numbers,
@@ -315,6 +320,7 @@ class Store:
     origins = _stored("origins", {})  # of motions, by the number of the record
     scaling = _stored("scaling", {})  # of ground motions by a table of factors
     varied = _stored("varied", [])  # changed parameters of each building of a sweep
+    varied_units = _stored("varied_units", {})  # SI units of the changed parameters
     code = _stored("code", {})  # SHA-256 of plug-ins
     files = _stored("files", {})  # SHA-256 of input files
     rates = _stored("rates", {})  # annual rates by event
@@ -849,11 +855,14 @@ def create_tables(store: Store, identity: Identity) -> None:
     buildings, varied = identity.buildings, list[dict[str, float]]()
     if not isinstance(buildings, RowBuildings) or buildings.rows.is_varied:
         varied = [dict(building.varied) for building in buildings]
+    parameters = dict.fromkeys(name for values in varied for name in values)
+    models = models_of(buildings) or [building.subject().model for building in buildings[:1]]
     optional = {
         "code": identity.code,
         "origins": origins,
         "scaling": identity.scaling,
         "varied": varied if any(varied) else None,
+        "varied_units": si_units_of(parameters, models) if parameters else None,
     }
     metadata |= {key: json.dumps(value) for key, value in optional.items() if value}
     # Sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256 of each ground
