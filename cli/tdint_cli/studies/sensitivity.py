@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
 
 from tdint import studies
 from tdint.errors import UsageError
@@ -65,7 +64,7 @@ def _si_ranges(
         if not low < high:
             raise _range_error(f"{name}={':'.join(texts)}")
         si_ranges[name] = low, high
-        if factor != 1.0 and np.isfinite(plain).any():
+        if factor != 1.0 and any(map(math.isfinite, plain)):
             warn(f"--vary {name}: numbers are in {unit}, units of {model.source}")
     return si_ranges
 

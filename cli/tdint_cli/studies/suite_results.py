@@ -205,7 +205,8 @@ class SuiteResults:
         The options of the command line determine units and head of the report. By default, they are
         the units and the head of the models if these are equal in all models.
         """
-        from tdint.studies.campaign.suite_report import comparison_parts, pooled, suite_page
+        from tdint.studies.campaign.comparison import comparison_parts, pooled
+        from tdint.studies.campaign.suite_report import suite_page
 
         request = self.request
         # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of

@@ -219,6 +219,16 @@ class Excitation:
         """True if forces act on floors."""
         return bool(self.forces or self.tables)
 
+    def is_zero_at(self, time: float) -> bool:
+        """Return True if no force acts on a floor at a time (s) and afterwards, unless a table
+        continues."""
+        import numpy as np
+
+        return not any(force.cosine or force.sine for force in self.forces) and all(
+            np.interp(time, force.times, force.values, left=0.0, right=0.0) == 0.0
+            for force in self.tables
+        )
+
     @property
     def table_end(self) -> float:
         """Time when the last force from a table ends, s; 0 without tables."""

@@ -14,14 +14,13 @@ from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.studies.fragility.fit_table import (
     FragilityRequest,
-    SuiteRuns,
     fit_states,
     fit_table,
     fragility,
 )
 from tdint.studies.fragility.fits import fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_function import Fragility
-from tdint.studies.fragility.measures import line, motions_of
+from tdint.studies.fragility.measures import SuiteRuns, line, motions_of
 
 CLOUD = [(0.1, 0.0042), (0.2, 0.008), (0.3, 0.009), (0.4, 0.018), (0.5, 0.016), (0.8, 0.03)]
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])

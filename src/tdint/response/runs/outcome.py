@@ -195,6 +195,13 @@ class StoryPeaks(WithTable, StoryValues):
     height: Array
     isolator: Array
 
+    def settled(self, is_settled: NDArray[np.bool_]) -> "StoryPeaks":
+        """Return the peaks with residual drifts of zero where a run ends without forces on a
+        building that rests at zero (`Building.rests_at_zero`); `is_settled` is one value or one per
+        run. The drift at the end is vibration."""
+        zero = np.where(is_settled[..., np.newaxis], 0.0, self.residual_drift)
+        return replace(self, residual_drift=zero)
+
     def without_residual(self) -> "StoryPeaks":
         """Return the peaks of a collapsed run, with unknown residual drifts (nan)."""
         return replace(self, residual_drift=np.full_like(self.residual_drift, np.nan))

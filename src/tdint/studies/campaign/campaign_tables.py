@@ -328,6 +328,14 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
         of the maxima only.
     """
     table = Table.of_results(suite_columns(store, RATIOS, 3), ratios)
+    # Rows without any ratio are omitted, except the first of a building at a level: its counts.
+    start, end = (table.columns.index(name) for name in ("quantity", "mean_ratio"))
+    kept: dict[tuple[Cell, ...], list[tuple[Cell, ...]]] = {}
+    for row in table.rows:
+        rows = kept.setdefault(tuple(map(str, row[:start])), [])
+        if not rows or any(cell == cell and cell is not None for cell in row[end : end + 3]):
+            rows.append(row)
+    table = table._replace(rows=[row for rows in kept.values() for row in rows])
     if stories:
         return table
     # The rows of the maxima over the stories have no story.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import chain
@@ -15,6 +16,7 @@ from scipy.special import betainc
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
+from tdint.number_parsing import number_text
 from tdint.output.tables.runs import BUILDING_COLUMNS, SAMPLE
 from tdint.output.tables.table import TEXT, Column, describe, elements_of, names, rows_of
 from tdint.studies.campaign.campaign_tables import (
@@ -312,3 +314,58 @@ def _loss_curves(store: Store, by: str | None) -> Iterator[SimpleNamespace]:
 def _cumulative(values: Array) -> Array:
     """Return the sums of the first values: the events before an event have larger losses."""
     return np.array([np.sum(values[:count]) for count in range(1, values.size + 1)])
+
+
+_MAX_HEADLINES = 3  # maximum number of events or levels with a separate headline
+
+
+def damage_headlines(store: Store) -> list[tuple[bool | None, str]]:
+    """Return the headlines on losses and damaged buildings, those of all buildings together: with
+    annual rates of the events their averages per year, otherwise the events or levels with the
+    largest losses."""
+    groups = [group for group in group_damages(store, by="") if group.runs > group.failed]
+    rates, costs = store.rates(), has_costs(store)
+
+    def loss_text(loss: float, per_year: str = "") -> str:
+        """Return a clause on a loss; empty without losses."""
+        amount = number_text(loss) if costs else f"{number_text(100.0 * loss)} % of the value"
+        return f"loss{per_year} {amount}" if loss == loss else ""
+
+    def damaged(group: TypeDamage) -> float:
+        """Return the mean number of damaged buildings."""
+        return group.buildings * (1.0 - float(group.probability.value[0]))
+
+    if rates:
+        totals: dict[float, list[float]] = defaultdict(lambda: [0.0, 0.0])
+        for group in groups:
+            loss = float(group.mean_loss(costs=costs).value[0])
+            totals[group.level][0] += rates[group.event] * loss
+            totals[group.level][1] += rates[group.event] * damaged(group)
+        texts = [
+            ", ".join(
+                filter(
+                    None,
+                    [
+                        loss_text(loss, " per year"),
+                        f"{number_text(count)} damaged buildings per year on average",
+                    ],
+                )
+            )
+            for loss, count in totals.values()
+        ]
+    else:
+        groups.sort(key=lambda group: -damaged(group))
+        texts = []
+        for group in groups[:_MAX_HEADLINES]:
+            loss = float(group.mean_loss(costs=costs).value[0])
+            ratio = float(group.loss.value[0])
+            parts = [loss_text(loss)]
+            if costs and ratio == ratio:
+                parts.append(f"loss ratio {number_text(100.0 * ratio)} %")
+            count = f"{number_text(damaged(group))} of {number_text(group.buildings)}"
+            parts.append(f"{count} buildings damaged")
+            several = len(groups) > 1
+            name = group.event or (f"level {number_text(group.level)}" if several else "")
+            text = ", ".join(filter(None, parts))
+            texts.append(f"{name}: {text}" if name else text)
+    return [(None, f"{text[0].upper()}{text[1:]}.") for text in texts]

@@ -274,6 +274,11 @@ def all_differences(
     """
     entry_types = ("setting", "building", "record", "plug-in")
     lines = [INVENTORY_CHANGED] if are_shards and has_new_inventory else []
+    if (units := compared[0].get("vary_units")) and "vary_units" not in stored[0]:
+        lines.append(
+            f"numbers of vary are in units of the models, {units}; in the store they are in SI "
+            "units (of an earlier version), or it has none"
+        )
     for entry_type, first, second in zip(entry_types, stored, compared, strict=True):
         if are_shards and entry_type == "building":
             common_names = first.keys() & second.keys()
