@@ -276,24 +276,27 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
     return units.scale
 
 
-def compound_units(force: int, length: float, time: int = 0) -> dict[str, float]:
+def compound_units(force: float, length: float, time: float = 0) -> dict[str, float]:
     """Return the units of force^`force` length^`length` s^`time`, such as kN/cm or kN*s/m, with
     their factors to SI units; empty for a number without a unit."""
-    found: dict[str, float] = {}
-    for (f, force_factor), (u, length_factor) in product(FORCE.items(), LENGTH.items()):
-        powers: dict[str, float] = {f: force, u: length, "s": time}
-        above, below = (
-            [
-                unit if p == 1 else f"{unit}^{p:g}"
-                for unit, n in powers.items()
-                if (p := sign * n) > 0
-            ]
-            for sign in (1, -1)
-        )
-        if above or below:
-            text = "/".join(["*".join(above) or "1", *below])
-            found[text] = force_factor**force * length_factor**length
-    return found
+    if not (force or length or time):
+        return {}
+    return {
+        compound_unit(f, u, force, length, time): force_factor**force * length_factor**length
+        for (f, force_factor), (u, length_factor) in product(FORCE.items(), LENGTH.items())
+    }
+
+
+def compound_unit(
+    force_unit: str, length_unit: str, force: float, length: float, time: float = 0
+) -> str:
+    """Return the text of the unit force^`force` length^`length` s^`time`; empty without a unit."""
+    powers = {force_unit: force, length_unit: length, "s": time}
+    above, below = (
+        [unit if p == 1 else f"{unit}^{p:g}" for unit, n in powers.items() if (p := sign * n) > 0]
+        for sign in (1, -1)
+    )
+    return "/".join(["*".join(above) or "1", *below]) if above or below else ""
 
 
 def parse_in_units(text: str, units: Mapping[str, float], key: str) -> float:
@@ -305,8 +308,9 @@ def parse_in_units(text: str, units: Mapping[str, float], key: str) -> float:
         The text is not a number with such a unit. `key` is the name of the parameter.
     """
     number = _NUMBER.match(text.strip())
-    unit = "".join(text.strip()[number.end() :].split()) if number else ""
-    if number is None or unit not in units:
+    words = text.strip()[number.end() :].split() if number else []
+    unit = next((unit for sign in ("", "*") if (unit := sign.join(words)) in units), None)
+    if number is None or unit is None:
         listed = ", ".join([*units][:12])
         raise UsageError(
             f"{key} must be a number in SI units, or a text of a number with a unit ({listed}, "
@@ -526,6 +530,7 @@ class OutputUnits(NamedTuple):
             "N/m": (f"{self.force}/{self.length}", force / length),
             "m/N": (f"{self.length}/{self.force}", length / force),
             "N*s": (f"{self.force}*s", force),
+            "N*s/m": (f"{self.force}*s/{self.length}", force / length),
             "J": ("J", 1.0) if energy == ("N*m", 1.0) else energy,
             "N*m": energy,
         }

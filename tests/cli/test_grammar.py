@@ -322,6 +322,7 @@ MODE_ARGUMENTS = {
     ("compile", "with --show"): "x --show",
     ("compile", "with --clean alone"): "--clean",
     ("fragility", "with a single measure"): "x --im sa",
+    ("fragility", "with --theta"): "--theta 0.4g --beta 0.3 --hazard h.csv",
     ("fragility", "with several measures (--im), because they are compared"): "x --im sa,pga",
     ("init", "without --weights"): "",
     ("init", "with --weights"): "--weights 1,1",

@@ -13,9 +13,9 @@ from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DamageStates
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.fragility.building_damage import BuildingDamage, TypeDamage
-from tdint.studies.fragility.fit_table import FragilityRequest, SuiteRuns, fit_states
+from tdint.studies.fragility.fit_table import FragilityRequest, fit_states
 from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_levels, fit_stripes
-from tdint.studies.fragility.measures import over_motions
+from tdint.studies.fragility.measures import SuiteRuns, over_motions
 from tdint.studies.ida.ida_curve import IdaCurve, IdaRun, PairCurve
 from tdint.studies.motions import pairs as o
 from tdint.studies.motions.intensity import MotionIntensity, pga, sa

@@ -91,7 +91,9 @@ def command(
                 overviews.append(overview_in_campaign(file, given_times))
                 failures += call("laws of plug-ins", file, plugins)
             else:
-                waiting_files.extendleft(reversed(models_of_campaign))
+                listed, errors_of_campaign = models_of_campaign
+                waiting_files.extendleft(reversed(listed))
+                failures += errors_of_campaign
         except (ModelError, RecordError) as error:
             failures.append(error)
     for valid in overviews:

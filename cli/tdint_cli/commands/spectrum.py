@@ -597,13 +597,16 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
         )
     sources = records_of(request.records, request.choice)
     # All outputs are checked before the computation, so that no result is lost.
+    from tdint.ground_motion.horizontals import pair_name
+
     files_of_records = table_type.gather(request, sources.files)
     output = Path(request.output) if request.output else None
     # In a directory each record has a table. Otherwise all records share the table `output` (None
     # for standard output).
     tables: list[Path | None] = [output]
     if output and request.is_folder:
-        tables = [*tables_of([files[0] for files in files_of_records], output)]
+        names = [pair_name(files[0], files[-1]) for files in files_of_records]
+        tables = [*tables_of(names, output)]
     output_files = [file for table in tables for file in _outputs(request, table).files]
     check_outputs(output_files, overwrite=request.overwrite)
     tasks = [

@@ -209,7 +209,8 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
         if is_requested and not plan.settings.keeps_stories:
             raise AnalysisError(f"{option}: {NOT_STORED}")
     if request.baseline is not None:
-        check_baseline(request.baseline, (building.name for building in plan.buildings))
+        names = (building.name for building in plan.buildings)
+        check_baseline(request.baseline, names, plan.own_periods)
 
 
 def _open_store(
@@ -542,7 +543,7 @@ def _write(
     for name, table in schema.PART_TABLES.items():
         # Rows of stories are also stored for profiles.csv. Elements, attachments, links and events
         # have rows only if the buildings or the motions have them.
-        is_written = settings["stories"] if name == STORIES else any(store.parts(table))
+        is_written = settings["stories"] if name == STORIES else store.has_rows(table)
         if is_written:
             files[name] = partial(tables.part_table(store, table).write, units=units)
     # Tables of means over the motions are written only after all runs are completed.

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tdint.output.figures.style import Figure
     from tdint.studies.fragility.fit_table import FragilityResult
     from tdint.studies.fragility.fragility_function import Fragility
+    from tdint.units import Units
 
 
 _OPENQUAKE_OPTIONS = (
@@ -37,7 +38,7 @@ class Request:
     openquake: str | None
     states: tuple[str, ...] | None
     outputs: Outputs
-    table: str = options.argument("TABLE.csv|DIR", type=FileName())
+    table: str | None = options.argument("[TABLE.csv|DIR]", type=FileName(), required=False)
     fit: str | None = options.option()
     threshold: tuple[float, ...] | None = options.option()
     by: str | None = options.option()
@@ -45,6 +46,8 @@ class Request:
     im: tuple[str, ...] | None = options.option()
     pair_demand: str | None = options.option()
     modeling_dispersion: float = options.option(type=Number(0.0, 10.0), default=0.0)
+    theta: Units | None = options.option()
+    beta: float | None = options.option()
     hazard: str | None = options.option()
     allow_outside: bool = options.option()
 
@@ -63,7 +66,8 @@ def command(request: Request) -> None:
     CSV, one row per threshold: median theta and dispersion beta of a lognormal distribution, and
     the standard errors of ln theta and beta. The standard errors are jackknife estimates over
     ground motions, or over events if the events are known. If the table names neither, the errors
-    are computed from the information matrix. The figure shows 95 % confidence bands (delta method).
+    are computed from the information matrix. With -o FILE.csv, the counts in bins of the intensity
+    are written to FILE-bins.csv. The figure shows 95 % confidence bands (delta method).
 
     With several measures of --im, the measures are compared and no function is fitted. CSV, one row
     per measure, the best measure first: the regression line of ln drift over ln IM, the standard
@@ -71,7 +75,12 @@ def command(request: Request) -> None:
     (proficiency). Collapsed and failed runs are excluded.
     """
     several = bool(request.im and len(request.im) > 1)
-    refuse_idle("compare" if several else "fit")
+    refuse_idle("given" if request.theta else "compare" if several else "fit")
+    if request.theta is not None:
+        _given(request, request.theta)
+        return
+    if request.table is None:
+        raise UsageError("TABLE.csv or DIR is required, or --theta and --beta with --hazard")
     if is_file(Path(request.table) / "campaign.sqlite"):
         from tdint.studies.store.opening import open_existing
         from tdint_cli.studies.campaign_files import warn_unfinished
@@ -84,16 +93,52 @@ def command(request: Request) -> None:
         _fit(request)
 
 
+def _given(request: Request, theta: Units) -> None:
+    """Write the annual frequency of a function with a given median and dispersion."""
+    import numpy as np
+
+    from tdint.studies.fragility.fragility_function import GIVEN, Fragility
+    from tdint.studies.fragility.hazard import at_risk, read_hazard
+    from tdint.units import GROUND_MOTION
+
+    if request.beta is None or request.hazard is None:
+        raise UsageError("--theta requires --beta and --hazard")
+    unit = next(name for name, size in GROUND_MOTION[theta.quantity].items() if size == 1.0)
+    function = Fragility(
+        GIVEN,
+        theta.scale,
+        request.beta,
+        np.full((2, 2), math.nan),
+        0,
+        im=request.im[0] if request.im else "",
+        unit=unit,
+        modeling_dispersion=request.modeling_dispersion,
+    )
+    if request.outputs.units:
+        function = function.in_units(request.outputs.units)
+    functions, warnings = at_risk(
+        [function], read_hazard(request.hazard), allow_outside=request.allow_outside
+    )
+    warn(*warnings)
+    table = studies.fragility_tables.fragility_table(
+        functions, total=request.modeling_dispersion > 0.0
+    )
+    replace(request.outputs, units=None).deliver(table)
+    say(*map(_function_text, functions))
+
+
 def _compare(request: Request) -> None:
     """Compare intensity measures, write the table and report the most efficient measure."""
     from tdint.studies.fragility.measures import compare_measures
 
-    fits = compare_measures(request.table, request.im or ())
+    fits = compare_measures(request.table or "", request.im or (), request.pair_demand)
+    rule = fits[0].rule
+    note(*([rule.note()] if rule.pairs and not request.pair_demand else ()))
     request.outputs.deliver(studies.fragility_tables.comparison_of_measures(fits))
     best = fits[0]
     say(
         f"{best.im} predicts the drift best: standard deviation of ln drift about the "
-        f"regression line {best.beta:.3g} (beta), from {pluralize(best.runs, 'run')}; "
+        f"regression line {best.beta:.3g} (beta), from {pluralize(best.runs, 'motion')}; "
         f"{best.left_out} excluded."
     )
 
@@ -128,10 +173,11 @@ def _fit(request: Request) -> None:
     )
     from tdint.studies.fragility.hazard import at_risk, read_hazard
 
-    outputs, by = request.outputs, request.by
+    outputs, by, source = request.outputs, request.by, request.table or ""
     _check_options(request)
     openquake_files = _openquake_files(request)
-    check_outputs(openquake_files, overwrite=outputs.overwrite)
+    bins = [outputs.table.with_name(f"{outputs.table.stem}-bins.csv")] if outputs.table else []
+    check_outputs([*openquake_files, *bins], overwrite=outputs.overwrite)
     fit_request = FragilityRequest(
         fit=request.fit,
         thresholds=request.threshold or (),
@@ -141,11 +187,7 @@ def _fit(request: Request) -> None:
         states=(request.states or ()) if by else (),
         pair_demand=request.pair_demand,
     )
-    result = (
-        fit_types(Path(request.table), fit_request, by)
-        if by
-        else fit_table(request.table, fit_request)
-    )
+    result = fit_types(Path(source), fit_request, by) if by else fit_table(source, fit_request)
     note(*result.notes)
     warn(*result.warnings, *result.disagreements)
     if not result.functions:
@@ -154,7 +196,7 @@ def _fit(request: Request) -> None:
     functions = [function.in_units(units) if units else function for function in result.functions]
     # A table of `tdint ida` or `tdint campaign` has a JSON file, and its thresholds are drift
     # ratios. A table of another program can have any demand.
-    if not by and study_summary(Path(request.table)):
+    if not by and study_summary(Path(source)):
         functions = [replace(function, is_drift_ratio=True) for function in functions]
     if request.hazard:
         functions, outside = at_risk(
@@ -171,15 +213,13 @@ def _fit(request: Request) -> None:
         module = studies.fragility_figures
         return module.types_picture(functions) if by else module.fragility_picture(functions)
 
+    tables = studies.fragility_tables
+    states = tables.FRAGILITY_BUILDING if by == "building" else tables.FRAGILITY_STATES
+    counts = tables.counts_table(functions, states)
+    write_files({file: counts.csv() for file in bins if counts.rows}, overwrite=outputs.overwrite)
     # The functions are already in the output units; without units, they are not converted again.
     replace(outputs, units=None).deliver(
-        studies.fragility_tables.fragility_table(
-            functions,
-            total=request.modeling_dispersion > 0.0,
-            states=studies.fragility_tables.FRAGILITY_BUILDING
-            if by == "building"
-            else studies.fragility_tables.FRAGILITY_STATES,
-        ),
+        tables.fragility_table(functions, total=request.modeling_dispersion > 0.0, states=states),
         lambda: draw(functions),
         page=lambda: _page(request, result, functions, draw),
     )
@@ -205,7 +245,7 @@ def _openquake_files(request: Request) -> list[Path]:
     if not request.openquake:
         return []
     file = Path(request.openquake)
-    if request.by == "type" and _losses(Path(request.table)):
+    if request.by == "type" and _losses(Path(request.table or "")):
         return [file, file.with_name(f"{file.stem}-vulnerability.xml")]
     return [file]
 
@@ -231,7 +271,7 @@ def _write_openquake(
         warn(f"{file}: {name} is omitted, because some of its damage states have no function")
     contents = {file: exports.fragility_model(functions, file.stem, request.states or ())}
     if len(files) > 1:
-        losses = _losses(Path(request.table))
+        losses = _losses(Path(request.table or ""))
         contents[files[1]] = exports.vulnerability_model(functions, losses, file.stem)
     write_files(contents, overwrite=request.outputs.overwrite)
 
@@ -253,7 +293,7 @@ def _page(
         sentences=[f"{text[0].upper()}{text[1:]}." for text in result.notes],
         warnings=[*result.warnings, *result.disagreements, *map(str, result.failures)],
     )
-    return fragility_page(functions, draw, request.table, page_text)
+    return fragility_page(functions, draw, request.table or "", page_text)
 
 
 def _in_g(function: Fragility) -> Fragility:
@@ -295,7 +335,7 @@ def _function_text(function: Fragility) -> str:
         text += f" (95 %: {low:.4g} to {high:.4g})"
     elif function.extrapolated:
         text += " (extrapolated)"
-    else:
+    elif function.fit != "given":
         text += " (no confidence interval: it requires at least three ground motions)"
     text += f", beta {function.beta:.3f}"
     if not math.isnan(function.beta_error):

@@ -308,6 +308,7 @@ def _write(
             "max_im": settings.max_im,
             **asdict(settings_from(settings, RunSettings)),
             **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
+            **({"mainshock_factors": study.mainshocks} if study.mainshocks else {}),
         }
         records = [record_summary(curve.record) for curve in study.states[0].curves]
         meanings = {key: text for table in tables.values() for key, text in table.meanings.items()}
@@ -440,13 +441,15 @@ def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
 
 
 def _medians(study: IdaStudy) -> Iterator[str]:
-    """Yield a sentence with the median collapse capacity for each initial damage, and with the
-    median capacity for each limit of attachments and links."""
+    """Yield a sentence with the factor of each mainshock, with the median collapse capacity for
+    each initial damage, and with the median capacity for each limit of attachments and links."""
     import numpy as np
 
     from tdint.fractiles import fractiles
     from tdint.studies.ida.ida_curve import capacity_fractiles
 
+    for name, drift, factor in study.mainshocks:
+        yield f"Mainshock {name} times {factor:.4g}: drift ratio {100.0 * drift:g} %."
     for state in study.states:
         curves = state.motion_curves
         damage, collapse_drift = curves[0].damage, np.array([study.model.collapse_drift])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.reading.suites import Suite
     from tdint.studies.campaign.assigned_motions import FactorTable
 
-PAIRS = ("geometric-mean", "rotd50", "rotd100", "larger")
+PAIRS = ("geometric-mean", "rotd50", "rotd100", "larger", "srss")
 
 
 def pair_measure(wish: PairWish | None) -> str:

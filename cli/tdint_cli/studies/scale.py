@@ -418,12 +418,16 @@ def _selection_text(scaling: Scaling) -> str:
     if target is None or periods is None or remaining is None:
         return ""
     # The rows of the spectra are ground motions and the columns are periods.
-    mean_ln_sa = np.mean(np.log(scaling.spectra(periods)), axis=0)
-    difference = mean_ln_sa - np.log(target.at(periods))
+    ln_sa = np.log(scaling.spectra(periods))
+    difference = np.mean(ln_sa, axis=0) - np.log(target.at(periods))
     text = (
         f"\nSelected from {len(scaling.chosen) + len(remaining)}: the mean of ln Sa differs from "
-        f"the target by {100.0 * np.sqrt(np.mean(difference**2)):.2g} % (root mean square). "
+        f"the target by {100.0 * np.sqrt(np.mean(difference**2)):.2g} % (root mean square)"
     )
+    if scaling.target_std is not None:
+        of_std = np.std(ln_sa, axis=0, ddof=1) - scaling.target_std
+        text += f", its standard deviation by {np.sqrt(np.mean(of_std**2)):.2g}"
+    text += ". "
     reasons = ", ".join(f"{count} {reason}" for reason, count in scaling.left_out.items() if count)
     text += f"Not considered: {reasons}." if reasons else "No motion was omitted."
     # Factors that are equal to a limit of --factor-range, of selected and of other ground motions

@@ -3,46 +3,70 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
+from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from tdint import studies
 from tdint.errors import UsageError
 from tdint.files import digest_of, is_folder, record_digest
-from tdint.number_parsing import parse_ratio, pluralize
+from tdint.number_parsing import number_or_nan, pluralize
 from tdint.system import processors
 from tdint_cli import options
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.terminal import Failures, note, note_of_runs, say
+from tdint_cli.terminal import Failures, note, note_of_runs, say, warn
+
+if TYPE_CHECKING:
+    from tdint.model.definition import Model
 
 
 def _ranges(
     ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
-) -> dict[str, tuple[float, float]]:
-    """Parse the values of --vary (click callback): NAME=LOW:HIGH with LOW less than HIGH, separated
-    by commas.
-    """
-    ranges: dict[str, tuple[float, float]] = {}
+) -> dict[str, tuple[str, str]]:
+    """Split the values of --vary (click callback): NAME=LOW:HIGH, separated by commas."""
+    ranges: dict[str, tuple[str, str]] = {}
     for text in chain.from_iterable(text.split(",") for text in texts):
         name, _, range_text = text.partition("=")
-        low, colon, high = range_text.strip().partition(":")
-        low_and_high = None
-        if name.strip() and colon:
-            with suppress(UsageError):
-                low_and_high = parse_ratio(low), parse_ratio(high)
-        if low_and_high is None or not low_and_high[0] < low_and_high[1]:
-            raise UsageError(
-                f"--vary {text!r} must be NAME=LOW:HIGH with LOW less than HIGH, such as "
-                "damping=2%:5% or stiffness_factor=0.8:1.2"
-            )
-        ranges[name.strip()] = low_and_high
+        low, colon, high = range_text.partition(":")
+        if not (name.strip() and colon and low.strip() and high.strip()):
+            raise _range_error(text)
+        ranges[name.strip()] = low.strip(), high.strip()
     return ranges
+
+
+def _range_error(text: str) -> UsageError:
+    """Return the error of a value of --vary."""
+    return UsageError(
+        f"--vary {text!r} must be NAME=LOW:HIGH with LOW less than HIGH, such as damping=2%:5% or "
+        "stiffness_factor=0.8:1.2"
+    )
+
+
+def _si_ranges(
+    model: Model, ranges: Mapping[str, tuple[str, str]]
+) -> dict[str, tuple[float, float]]:
+    """Return the ranges of --vary in SI units: numbers without a unit are in units of the model, as
+    in its file, which a line reports if these are not SI units."""
+    si_ranges: dict[str, tuple[float, float]] = {}
+    for name, texts in ranges.items():
+        unit, factor = model.unit_of(name)
+        plain = [number_or_nan(text) for text in texts]
+        low, high = (
+            number * factor if math.isfinite(number) else model.si_value(name, text)
+            for text, number in zip(texts, plain, strict=True)
+        )
+        if not low < high:
+            raise _range_error(f"{name}={':'.join(texts)}")
+        si_ranges[name] = low, high
+        if factor != 1.0 and any(map(math.isfinite, plain)):
+            warn(f"--vary {name}: numbers are in {unit}, units of {model.source}")
+    return si_ranges
 
 
 @options.request
@@ -51,9 +75,7 @@ class Request(RecordsRequest):
 
     building: str
     outputs: Outputs
-    ranges: dict[str, tuple[float, float]] = options.option(
-        "--vary", multiple=True, callback=_ranges
-    )
+    ranges: dict[str, tuple[str, str]] = options.option("--vary", multiple=True, callback=_ranges)
     method: str | None = options.analysis.method
     dt: float | None = options.option()
 
@@ -125,7 +147,8 @@ def _one_at_a_time(request: Request) -> None:
     motions = read_motions(RecordFiles(request.records, request.choice))
     # The runs are a campaign in memory, with the unchanged building and with buildings where a
     # parameter has its low or its high value.
-    plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
+    ranges = _si_ranges(model, request.ranges)
+    plan = plan_of(model, ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)
     rule = PairRule.from_motions(plan.motions, plan.pair_demand)
@@ -134,7 +157,7 @@ def _one_at_a_time(request: Request) -> None:
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))
         report_outcomes(store)
-        effects = parameter_effects(store, model.name, request.ranges)
+        effects = parameter_effects(store, model.name, ranges)
 
     outputs = request.outputs.else_in(model.output_units)
     outputs.deliver(

@@ -27,7 +27,7 @@ from tdint.output.verdicts import (
     limit_verdicts,
     limits_summary,
 )
-from tdint.studies.campaign.plan import Plan
+from tdint.studies.campaign.plan import Plan, different_periods
 from tdint.studies.campaign.story_profiles import (
     FloorSuite,
     Profile,
@@ -98,9 +98,9 @@ class SuiteResults:
             The baseline is not a building of the campaign.
         """
         self._require_profiles("--baseline")
-        return studies.campaign_tables.ratio_table(
-            self.store, ratios(self.profiles, self.request.baseline or ""), stories=stories
-        )
+        periods = self.store.first_periods(), self.store.parameters().get("period")
+        found = ratios(self.profiles, self.request.baseline or "", different_periods(*periods))
+        return studies.campaign_tables.ratio_table(self.store, found, stories=stories)
 
     def emit_runs(self) -> None:
         """Write the table of the runs to standard output."""
@@ -175,7 +175,7 @@ class SuiteResults:
         """Clause on matched ground motions (`tdint.ground_motion.origin.matched_clause`) and on
         scale factors."""
         origins = [MotionOrigin.of(entry["origin"]) for entry in self.store.origins().values()]
-        records = self.store.connection.execute("SELECT count(*) FROM records").fetchone()[0]
+        records = self.store.value("SELECT count(*) FROM records")
         clauses = (matched_clause(origins, records, spectrum_text), self._scaling_clause())
         return ", ".join(filter(None, clauses))
 
@@ -205,7 +205,8 @@ class SuiteResults:
         The options of the command line determine units and head of the report. By default, they are
         the units and the head of the models if these are equal in all models.
         """
-        from tdint.studies.campaign.suite_report import comparison_parts, suite_page
+        from tdint.studies.campaign.comparison import comparison_parts, pooled
+        from tdint.studies.campaign.suite_report import suite_page
 
         request = self.request
         # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of
@@ -221,9 +222,15 @@ class SuiteResults:
         units = {model.page_units for model in models}
         heads = {model.page_head for model in models}
         shown_units = request.output_units or (units.pop() if len(units) == 1 else self.units)
+        shown_profiles = pooled(plan, self.profiles)
         sentences, answer = comparison_parts(
-            plan, self.store, self.profiles, request.baseline, page_units(shown_units)
+            plan, self.store, shown_profiles, request.baseline, page_units(shown_units)
         )
+        has_models = len({profile.building for profile in self.profiles}) > 1 and not any(
+            building.label for building in plan.buildings
+        )
+        if has_models and request.baseline is None and not plan.own_periods:
+            note("--baseline NAME compares the buildings with one of them; without it, none is")
         page_text = PageText(
             answer=answer,
             warnings=[
@@ -246,7 +253,7 @@ class SuiteResults:
         return suite_page(
             plan,
             self.store,
-            self.profiles,
+            shown_profiles,
             page_text,
             limit=self.drift_line,
             ratios=ratios,

@@ -237,6 +237,21 @@ class Building:
         is_damped = self.power_damped | self.braced | self.tangent_damped
         return not is_damped and self.has_linear_laws
 
+    @cached_property
+    def rests_at_zero(self) -> bool:
+        """True if all drifts are zero at rest without forces: springs and dashpots are linear, and
+        the building has a first period."""
+        terms = self.linear_terms[:, :-1]
+        has_brace = terms[rows.BRACE] != 0.0
+        is_linear = np.where(has_brace, terms[rows.BRACED_EXPONENT] == 1.0, True)
+        has_relief = has_brace & np.isfinite(terms[rows.BRACED_RELIEF])
+        return bool(
+            self.has_linear_laws
+            and not (self.power_damped or self.tangent_damped)
+            and np.all(is_linear & ~has_relief)
+            and math.isfinite(self.first_period)
+        )
+
     @property
     def has_linear_laws(self) -> bool:
         """True if all stories and elements have linear laws."""

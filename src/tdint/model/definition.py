@@ -219,6 +219,16 @@ class Excitation:
         """True if forces act on floors."""
         return bool(self.forces or self.tables)
 
+    def is_zero_at(self, time: float) -> bool:
+        """Return True if no force acts on a floor at a time (s) and afterwards, unless a table
+        continues."""
+        import numpy as np
+
+        return not any(force.cosine or force.sine for force in self.forces) and all(
+            np.interp(time, force.times, force.values, left=0.0, right=0.0) == 0.0
+            for force in self.tables
+        )
+
     @property
     def table_end(self) -> float:
         """Time when the last force from a table ends, s; 0 without tables."""
@@ -393,8 +403,8 @@ class Model:
     weight_factor : float
         Masses of the model over the true masses if the values of the key `mass` are weights in the
         unit of force of the file; 1 if the file specifies weights or derives the stories.
-    force_unit : str
-        Unit of force of the file.
+    units : OutputUnits
+        Units of the numbers of the file.
     attachments : tuple of Attachment
         Masses on floors that are not part of the chain of stories.
     links : tuple of Link
@@ -431,7 +441,7 @@ class Model:
     plausibility_off: str = ""
     limits: tuple[Limit, ...] = ()
     weight_factor: float = 1.0
-    force_unit: str = "N"
+    units: OutputUnits = SI
     attachments: tuple[Attachment, ...] = ()
     links: tuple[Link, ...] = ()
     matrices: Matrices | None = None
@@ -686,12 +696,24 @@ class Model:
         try:
             if not isinstance(value, str):
                 return float(value)
-            springs = [spring for _, spring in self.springs]
-            changes = changes_of(self.name, self.springs, name)
-            units = changes[0].units(springs) if changes else {}
+            units = self._units_of(name)[1]
             return parse_in_units(value, units, name) if units else parse_ratio(value)
         except (TypeError, ValueError, OverflowError):
             raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
+
+    def unit_of(self, name: str, named: OutputUnits | None = None) -> tuple[str, float]:
+        """Return the unit of a parameter, in the units of the file or in `named`, and its factor to
+        SI units; an empty text and 1 for a factor or a ratio. UsageError as by `si_value`."""
+        unit, units = self._units_of(name, named)
+        return unit, units.get(unit, 1.0)
+
+    def _units_of(
+        self, name: str, named: OutputUnits | None = None
+    ) -> tuple[str, Mapping[str, float]]:
+        """Return the unit of a parameter and all its units (`Change.unit`)."""
+        changes = changes_of(self.name, self.springs, name)
+        springs = [spring for _, spring in self.springs]
+        return changes[0].unit(springs, named or self.units) if changes else ("", {})
 
     def changed(self, numbers: Mapping[str, Any]) -> Model:
         """Return the building with changed parameters, like `replace` for numbers only.

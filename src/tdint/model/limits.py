@@ -146,6 +146,8 @@ class LimitCheck:
         Number of motions of the mean; 1 for a run.
     names : tuple of str
         As in `Limit`.
+    statistic : str
+        Statistic of a suite that the demand is: `mean`, or `1.2 times the median`.
     """
 
     level: str
@@ -159,6 +161,7 @@ class LimitCheck:
     motion: str
     motions: int
     names: tuple[str, ...] = ()
+    statistic: str = "mean"
 
     def place(self, number: int) -> int | str:
         """Return the number of a story or floor, or the name of an attachment or link, from its
@@ -242,6 +245,7 @@ def check_limits(
         # not met.
         governing = int(np.argmax(mean_demands / limit_values))
         motion, story = np.unravel_index(int(np.argmax(demands)), demands.shape)
+        is_mean = not mean_demands[governing] > np.mean(demands[:, governing])
         checks.append(
             LimitCheck(
                 limit.level,
@@ -255,6 +259,7 @@ def check_limits(
                 motion=motions[int(motion)],
                 motions=len(motions),
                 names=limit.names,
+                statistic="mean" if is_mean else f"{_UNACCEPTABLE_FACTOR:g} times the median",
             )
         )
     return tuple(checks)

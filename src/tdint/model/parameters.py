@@ -13,7 +13,7 @@ from tdint.kernels.laws.law import LawParameter
 from tdint.model.story import Path, Story
 from tdint.model.story_laws import LAWS, Law, named_parameters
 from tdint.number_parsing import pluralize
-from tdint.units import FORCE, LENGTH, MASS, VELOCITY, compound_units
+from tdint.units import MASS, OutputUnits, compound_unit, compound_units
 
 _POWER_DASHPOT: dict[str, Path] = {
     f"dashpot.{key}": ("power_dashpot", *key.split("."))
@@ -44,16 +44,16 @@ _ELEMENT_NUMBER = r"elements\[\d+\]"
 """Pattern of the start of the key of a parameter of an element that is given by its number."""
 
 
-_UNITS: dict[str, Mapping[str, float]] = {
-    "mass": MASS,
-    "height": LENGTH,
-    "stiffness": compound_units(1, -1),
-    "brace": compound_units(1, -1),
-    "dashpot": compound_units(1, -1, 1),
-    "linear_below": VELOCITY,
-    "force": FORCE,
+_POWERS: dict[str, tuple[float, float, float]] = {
+    "height": (0, 1, 0),
+    "stiffness": (1, -1, 0),
+    "brace": (1, -1, 0),
+    "dashpot": (1, -1, 1),
+    "linear_below": (0, 1, -1),
+    "force": (1, 0, 0),
 }
-"""Units of the numbers of a story by the names of their attributes."""
+"""Powers of force, length and time in the units of the numbers of a story, except masses, by the
+names of their attributes."""
 
 
 class Change(NamedTuple):
@@ -105,15 +105,23 @@ class Change(NamedTuple):
             set_by_name.add((self.story, self.path))
         return False
 
-    def units(self, springs: Sequence[Story]) -> Mapping[str, float]:
-        """Return the units of the value with their factors to SI units; empty for a factor or a
-        ratio."""
+    def unit(self, springs: Sequence[Story], named: OutputUnits) -> tuple[str, Mapping[str, float]]:
+        """Return the unit of the value in a system of units, and all its units with their factors
+        to SI units; an empty text and mapping for a factor or a ratio."""
         last = self.path[-1]
-        if self.factor or isinstance(last, str):
-            return {} if self.factor else _UNITS.get(str(last), {})
-        spring = springs[self.story].springs[int(self.path[1]) if self.path[0] == "elements" else 0]
-        _, force, length, _ = named_parameters(spring.law)[last]
-        return compound_units(force, length)
+        if last == "mass" and not self.factor:
+            return named.mass, MASS
+        story = springs[self.story]
+        powers = _POWERS.get(str(last), (0, 0, 0))
+        if last == "coefficient" and story.power_dashpot:
+            powers = (1, -story.power_dashpot.exponent, story.power_dashpot.exponent)
+        elif isinstance(last, int):
+            spring = story.springs[int(self.path[1]) if self.path[0] == "elements" else 0]
+            _, force, length, _ = named_parameters(spring.law)[last]
+            powers = (force, length, 0)
+        if self.factor:
+            powers = (0, 0, 0)
+        return compound_unit(named.force, named.length, *powers), compound_units(*powers)
 
     @property
     def sets_law_parameter(self) -> bool:
@@ -293,7 +301,7 @@ def parameter_meaning(name: str) -> str:
     for pattern in (_STORY_PARAMETER, _DEVICE_PARAMETER):
         if match := re.fullmatch(pattern, name):
             key = match.groups()[-1]
-    return PARAMETERS.get(key, f"{key} of the model file, in SI units")
+    return PARAMETERS.get(key, f"{key} of the model file")
 
 
 def check_parameter(name: str) -> None:

@@ -665,15 +665,18 @@ def study_plausibility_warnings(models: Iterable[tuple[Model, Building]]) -> tup
     contains at most ten warnings, and the number of further warnings.
     """
     files_by_warning: dict[str, list[str]] = {}
+    unvaried: set[str] = set()  # warnings that do not follow from values of `vary`
     for model, building in models:
         for warning in plausibility_warnings(model, building, has_motion=True):
             files_by_warning.setdefault(warning, []).append(model.source)
+            unvaried |= set() if model.varied_parameters else {warning}
     lines = []
     for warning, files in files_by_warning.items():
         # Variations of a model have the same file.
         first_file, *more_files = dict.fromkeys(files)
         more_text = f" and {len(more_files)} more" if more_files else ""
-        lines.append(f"{first_file}{more_text}: {warning}")
+        varied = "" if warning in unvaried else " with values of `vary`"
+        lines.append(f"{first_file}{more_text}{varied}: {warning}")
     if len(lines) > _MAX_STUDY_WARNINGS:
         omitted_count = len(lines) - _MAX_STUDY_WARNINGS
         lines[_MAX_STUDY_WARNINGS:] = [

@@ -8,3 +8,6 @@ DONE = "done"
 FALLEN = ("collapsed", "failed-story")
 """Statuses of runs where the building collapses; they are reported in addition to the damage
 states."""
+
+NO_RESULT = ("diverged", "not-converged", "unstable-step", "not-within-tolerance")
+"""Statuses of runs without a result."""

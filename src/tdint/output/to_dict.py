@@ -12,7 +12,7 @@ import numpy as np
 from tdint.errors import UsageError, write_out_controls
 from tdint.files import write_files
 from tdint.output.presentation import presentations
-from tdint.output.tables.runs import varied_columns
+from tdint.output.tables.runs import si_units_of, varied_columns
 from tdint.output.tables.table import Column, Table, describe, parquet
 from tdint.response.runs.energy import ENERGY_TERMS
 from tdint.response.runs.history import ELEMENT_FORCE, History
@@ -128,7 +128,8 @@ def to_xarray(runs: Runs) -> Any:
     """
     xarray = import_optional("xarray", "to_xarray")
     table = to_dict(runs)
-    run_columns = [*RUN_COORDINATES, *(column.name for column in varied_columns(runs.varied))]
+    varied = varied_columns(si_units_of(runs.varied, runs.models))
+    run_columns = [*RUN_COORDINATES, *(column.name for column in varied)]
     coordinates: dict[str, Any] = {name: ("run", table[name]) for name in run_columns}
     coordinates |= {
         "run": np.arange(len(runs.model)),

@@ -56,7 +56,7 @@ def limit_verdicts(
         )
         if has_single_limit:
             text = (
-                f"{'Mean drift' if mean else 'Maximum drift ratio'} "
+                f"{_capital(governing.statistic) + ' drift' if mean else 'Maximum drift ratio'} "
                 f"{_text(governing, governing.demand, units, 3)} ({_place(governing, mean)}), "
                 f"limit {_limit(governing, units)}: {result}{lost}"
             )
@@ -68,7 +68,7 @@ def limit_verdicts(
             clauses = []
             for check in level_checks:
                 quantity = QUANTITIES[check.quantity]
-                clause = f"mean {quantity.text}" if mean else quantity.text
+                clause = f"{check.statistic} {quantity.text}" if mean else quantity.text
                 clause += f" {_text(check, check.demand, units)}"
                 if not math.isnan(check.demand):
                     clause += f" ({_place(check, mean)})"
@@ -83,6 +83,11 @@ def limit_verdicts(
             text = f"Limits{level_text} {result}{lost}{others}: {'; '.join(clauses)}."
         verdicts.append(Verdict(met, text + addition, has_single_limit))
     return verdicts
+
+
+def _capital(text: str) -> str:
+    """Return a text with a capital letter."""
+    return text[0].upper() + text[1:]
 
 
 def _maximum(check: LimitCheck, units: OutputUnits) -> str:

@@ -209,7 +209,8 @@ def test_annual_frequency(folder, tdint):
 
 
 def test_frequency_from_outside_the_curve(folder, tdint):
-    """Up to 1 % without a message, up to 10 % with a warning, and more only if it is allowed."""
+    """The uncertainty by other continuations: up to 1 % without a message, up to 10 % with a
+    warning, and more only if it is allowed."""
     (folder / "stripes.csv").write_text(STRIPES)
     lines = HAZARD.splitlines(keepends=True)
     (folder / "some.csv").write_text("".join(lines[:-2]))

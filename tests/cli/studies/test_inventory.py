@@ -218,8 +218,9 @@ def test_check_of_a_campaign_asks_only_for_times_that_the_campaign_does_not_spec
     text = "buildings: {models: [m.yaml]}\n"
     forces = "forces: {files: [blast.csv], floors: {1: roof_N}}\n"
     (folder / "study.yaml").write_text(text + forces)
-    printed = tdint("check", "study.yaml", code=0).stderr
+    printed = tdint("check", "study.yaml", code=3).stderr
     assert "m.yaml: without a record, `tdint run` requires --duration, or analysis" in printed
+    assert "the duration is required, because forces have no record" in printed
     (folder / "study.yaml").write_text(text + forces + "analysis: {duration: 2}\n")
     assert "requires" not in tdint("check", "study.yaml", code=0).stderr
     (folder / "study.yaml").write_text(text + "records: {files: [motion.mseed], units: m/s^2}\n")

@@ -3,11 +3,13 @@ long time steps."""
 
 from dataclasses import replace
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tdint
 from building_cases import (
     FIVE_PERCENT,
     Force,
@@ -191,20 +193,42 @@ def test_residual_oscillation_of_first_mode():
         )
 
 
-def test_error_of_residual_drift_includes_residual_oscillation():
-    """A linear building comes to rest at its initial position, so that the complete residual drift
-    is an error."""
-    response = run(ten_linear(), noise(seed=3), method="moment4", until_rest=True, check=True)
-    assert response.time_at_rest is not None
-    residual = np.abs(response.stories.residual_drift)
-    assert np.all(residual <= 2.0 * response.check.errors.residual_drift)
-    assert np.max(response.check.errors.residual_drift) < AT_REST * np.max(
-        response.stories.peak_displacement
+@pytest.mark.parametrize("until_rest", [False, True])
+def test_linear_buildings_have_no_residual_drift(until_rest):
+    """Springs and dashpots that are linear, also with attachments, in single runs, batches and
+    sequences; the history keeps its last values."""
+    text = "{name: tmd, floor: 3, mass: 2000, stiffness: 2e5, dashpot: 500}"
+    stories = "{repeat: 3, mass: 1e5, stiffness: 4e7, height: 3, dashpot: 2e5}"
+    model = load_model(StringIO(f"stories: [{stories}]\nattachments: [{text}]\n"))
+    for building in (ten_linear(), model):
+        single = run(building, noise(seed=3), history=True, until_rest=until_rest, check=True)
+        assert not single.stories.residual_drift.any()
+        assert not single.check.errors.residual_drift.any()
+        assert single.devices is None or not single.devices.stories.residual_drift.any()
+        assert single.history.drift[-1].any()
+        many = tdint.run_many(building, [noise(seed=3), noise(seed=4)])
+        assert not many.stories.residual_drift.any()
+    sequence = tdint.run_sequence(
+        Subject(model, "impulse4").case(noise()), [noise(seed=3), noise(seed=4)]
     )
-    plain = run(
-        ten_linear(), noise(seed=3), method="moment4", duration=response.time_at_rest, check=True
-    )
-    assert np.any(residual > 2.0 * plain.check.errors.residual_drift)
+    assert not any(event.stories.residual_drift.any() for event in sequence.events)
+
+
+def test_residual_drift_under_a_force_that_stays():
+    """A force that stays keeps its static drift in a linear building; without it at the end the
+    drift is zero. A yielding story keeps the drift at the end of the run."""
+    law = {"type": "bilinear", "yield_force": 4e5, "hardening": 0.02}
+    story = {"mass": 1e5, "stiffness": 4e7, "dashpot": 1e6}
+    for end, law_of_story, right in ((2e5, None, 5e-3), (0.0, None, 0.0), (0.0, law, None)):
+        points = [[0.0, 0.0], [1.0, 6e5], [2.0, end], [30.0, end]]
+        model = {
+            "stories": [story | ({"law": law_of_story} if law_of_story else {})],
+            "excitation": {"forces": [{"floor": 1, "points": points}]},
+        }
+        response = tdint.run(model, dt=0.01, duration=30.0, check=False, history=True)
+        expected = response.history.drift[-1, 0] if right is None else right
+        assert response.stories.residual_drift[0] == pytest.approx(expected, rel=1e-6)
+        assert right is not None or expected > 1e-3
 
 
 @pytest.mark.parametrize(("strength", "seed"), [(3.3e5, 2), (2e5, 1)])

@@ -11,18 +11,18 @@ import pytest
 
 from facts import each_states, states
 from tdint.csv_table import read_table
-from tdint.errors import AnalysisError, UsageError
+from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.studies.fragility.fit_table import (
     FragilityRequest,
-    SuiteRuns,
     fit_states,
     fit_table,
     fragility,
 )
 from tdint.studies.fragility.fits import fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_function import Fragility
-from tdint.studies.fragility.measures import line, motions_of
+from tdint.studies.fragility.measures import SuiteRuns, line, motions_of
 
+CLOUD = [(0.1, 0.0042), (0.2, 0.008), (0.3, 0.009), (0.4, 0.018), (0.5, 0.016), (0.8, 0.03)]
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])
 MOTIONS = 12
 RANDOM = np.random.default_rng(7)
@@ -364,3 +364,55 @@ def test_a_rule_for_pairs_without_effect_is_reported(tmp_path: Path) -> None:
     assert not fit_table(str(file), FragilityRequest(pair_demand="larger")).warnings
     with pytest.raises(UsageError, match="pair_demand larger"):
         fit_table(str(file), FragilityRequest(pair_demand="mean"))
+
+
+@pytest.mark.parametrize(
+    ("column", "cells"),
+    [
+        ("collapsed", ["no", "0", "false", "", "True", "yes"]),
+        ("status", ["done", "done", "DONE", "done", "collapsed", "failed-story"]),
+    ],
+)
+def test_collapses_of_a_table_of_others(tmp_path: Path, column: str, cells: list[str]) -> None:
+    """`collapsed` and `status` count as in tables of tdint; the demands of collapses are not used,
+    and may be empty."""
+    im, edp = np.array(CLOUD).T
+    edp[3] = 0.5  # the survivor with the largest demand: the collapse probability has a maximum
+    order = [0, 1, 2, 4, 3, 5]
+    im, edp = im[order], edp[order]
+    fell = np.array([0, 0, 0, 0, 1, 1], bool)
+    (right,) = fit_cloud(im, edp, [0.02], collapsed=fell)
+    texts = [repr(float(value)) for value in edp]
+    texts[5] = ""
+    lines = [
+        f"{level!r},{text},{cell}"
+        for level, text, cell in zip(im.tolist(), texts, cells, strict=True)
+    ]
+    file = tmp_path / "cloud.csv"
+    file.write_text("\n".join([f"im,edp,{column}", *lines]) + "\n")
+    (found,) = fit_table(str(file), FragilityRequest(thresholds=(0.02,))).functions
+    assert (found.theta, found.beta) == pytest.approx((right.theta, right.beta), rel=1e-12)
+    file.write_text(f"im,edp,{column}\n0.1,0.01,perhaps\n")
+    with pytest.raises(ModelError, match=f":2: {column} must be"):
+        fit_table(str(file), FragilityRequest(thresholds=(0.02,)))
+    file.write_text(f"im,edp,{column}\n0.1,,{cells[0]}\n")
+    with pytest.raises(ModelError, match=":2: edp must be a positive number"):
+        fit_table(str(file), FragilityRequest(thresholds=(0.02,)))
+
+
+def test_failed_rows_of_a_table_of_others_are_omitted(tmp_path: Path) -> None:
+    file = tmp_path / "cloud.csv"
+    rows = [f"{im!r},{edp!r},done" for im, edp in CLOUD]
+    file.write_text("\n".join(["im,edp,status", *rows, "0.9,,diverged"]) + "\n")
+    (found,) = fit_table(str(file), FragilityRequest(thresholds=(0.02,))).functions
+    (right,) = fit_cloud(*np.array(CLOUD).T, [0.02])
+    assert (found.theta, found.beta, found.failed) == pytest.approx((right.theta, right.beta, 1))
+
+
+def test_method_of_errors_is_named_where_errors_are(tmp_path: Path) -> None:
+    """Stripes whose median is above all levels keep their errors, and the name of the method."""
+    file = tmp_path / "stripes.csv"
+    file.write_text("im,collapses,records\n0.3,0,40\n0.4,2,40\n0.5,5,40\n0.6,9,40\n0.7,13,40\n")
+    (found,) = fit_table(str(file), FragilityRequest()).functions
+    assert found.extrapolated and np.isfinite(found.covariance).all()
+    assert found.error_method == "information"

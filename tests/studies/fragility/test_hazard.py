@@ -2,6 +2,7 @@
 derivatives, and files that are refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -126,8 +127,72 @@ def test_cloud_whose_frequency_is_infinite():
 def test_frequency_of_a_fit():
     """A function of `fit_cloud` needs no other attribute."""
     (fitted,) = fit_cloud([0.1, 0.2, 0.4, 0.8], [0.003, 0.008, 0.011, 0.03], [0.02])
-    (result,), (warning,) = at_risk([fitted], HazardCurve(IM, RATE), allow_outside=True)
+    curve = HazardCurve(IM[:4], RATE[:4])
+    (result,), (warning,) = at_risk([fitted], curve, allow_outside=True)
     assert result.risk.annual_frequency_error > 0.0 and "outside the points" in warning
+    with pytest.raises(AnalysisError, match=r"another continuation.*at most 10 %"):
+        at_risk([fitted], curve)
+
+
+def test_known_part_outside():
+    """Above the last point the probability is 1: 27 % of the frequency are from there, and no
+    continuation of the curve changes it."""
+    known = function(0.12, 0.1)
+    curve = HazardCurve(np.array([0.01, 0.1, 0.2]), np.array([0.1, 0.01, 0.0027]), unit="g")
+    (result,), warnings = at_risk([known], curve)
+    assert result.risk.share_outside > 0.25 and not warnings
+    assert result.risk.uncertainty_outside < 1e-6
+
+
+@pytest.mark.parametrize("median", [0.1, 0.6, 2.0])
+def test_uncertainty_is_that_of_other_continuations(median):
+    """Steep and flat curves beyond the last point change the frequency by at most the bounds."""
+    risk = TABLE.risk(function(median, 0.4))
+    ends = []
+    for rate in (1e-12, RATE[-1] * (1.0 - 1e-9)):
+        other = HazardCurve(np.append(IM, 1.6001), np.append(RATE, rate), unit="g")
+        ends.append(other.risk(function(median, 0.4)).annual_frequency)
+    low = risk.annual_frequency - risk.frequency_above + risk.above_low
+    high = risk.annual_frequency - risk.frequency_above + risk.above_high
+    assert low * (1.0 - 1e-3) <= min(ends) and max(ends) <= high * (1.0 + 1e-3)
+    bounds = (high - low + risk.frequency_below) / risk.annual_frequency
+    assert risk.uncertainty_outside == pytest.approx(bounds, rel=1e-9)
+
+
+@pytest.mark.parametrize("is_mixture", [True, False])
+def test_frequency_never_falls(is_mixture):
+    """The frequency does not fall with the modeling dispersion, with the rates or with a smaller
+    limit; without dispersion it is that without the option."""
+    fitted = mixture(5.0)[0] if is_mixture else function(0.6, 0.4)
+
+    def frequency(dispersion, curve=TABLE, fitted=fitted):
+        total = replace(fitted, modeling_dispersion=dispersion)
+        return curve.risk(total, total=True).annual_frequency
+
+    values = [frequency(dispersion) for dispersion in (0.0, 1e-4, 0.01, 0.1, 0.3, 0.6)]
+    assert values[0] == TABLE.risk(fitted).annual_frequency
+    assert values[1] == pytest.approx(values[0], rel=1e-4)
+    assert np.all(np.diff(values) > 0.0)
+    more = HazardCurve(IM, 1.2 * RATE, unit="g")
+    assert frequency(0.3, more) == pytest.approx(1.2 * frequency(0.3), rel=1e-9)
+    if is_mixture:
+        assert frequency(0.3, fitted=replace(fitted, threshold=0.01)) > frequency(0.3)
+
+
+def test_modeling_dispersion_of_a_mixture():
+    """Independent route: the averaged frequency is the mean over the modeling factor of the
+    frequencies of shifted hazard curves."""
+    fitted, _ = mixture(5.0)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(40)
+    shifted = [
+        HazardCurve(IM * math.exp(0.3 * node), RATE, unit="g").risk(fitted).annual_frequency
+        for node in nodes
+    ]
+    total = TABLE.risk(replace(fitted, modeling_dispersion=0.3), total=True)
+    mean = float(weights @ shifted / weights.sum())
+    assert total.annual_frequency == pytest.approx(mean, rel=1e-4)
+    probability = replace(fitted, modeling_dispersion=0.3).probability(0.1, total=True)
+    assert probability > fitted.probability(0.1)
 
 
 FORMS = {

@@ -494,7 +494,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         limits=limits,
         plausibility_off=section.read("plausibility") or "",
         weight_factor=_weight_factor(section, unit) if stories else 1.0,
-        force_unit=unit.named.force,
+        units=unit.named,
         attachments=attachments,
         links=links,
         matrices=matrices,

@@ -42,7 +42,11 @@ def runs_columns(result: Runs) -> Values:
         (RUNS_COLUMNS["record"], sources),
         (RUNS_COLUMNS["component"], components),
         (RUNS_COLUMNS["method"], methods_of_runs),
-        *zip(runs.varied_columns(result.varied), result.varied.values(), strict=True),
+        *zip(
+            runs.varied_columns(runs.si_units_of(result.varied, result.models)),
+            result.varied.values(),
+            strict=True,
+        ),
         *(
             (RUNS_COLUMNS[name], getattr(result, name))
             for name in ("scale", "dt", "status", "energy_error", "steps")

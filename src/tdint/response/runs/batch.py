@@ -170,7 +170,13 @@ class Outcomes:
     failures: dict[int, FailedRun] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, building: Building, batch: BatchResult, to_rest: bool) -> Outcomes:
+    def of(
+        cls,
+        building: Building,
+        batch: BatchResult,
+        to_rest: bool,
+        is_settled: NDArray[np.bool_],
+    ) -> Outcomes:
         """Convert the arrays of a compiled call to results.
 
         Parameters
@@ -179,11 +185,13 @@ class Outcomes:
             Building of the runs.
         to_rest : bool
             True if the runs continue until free vibration has decayed.
+        is_settled : ndarray of bool, shape (runs,)
+            True for runs without residual drifts (`StoryPeaks.settled`).
         """
         at_rest = (
             batch.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(batch.ends)
         )
-        peaks = named_peaks(building, batch.peaks, batch.drifts)
+        peaks = named_peaks(building, batch.peaks, batch.drifts).settled(is_settled)
         return cls(
             columns(peaks, slice(building.floors)),
             batch.elements,
@@ -347,8 +355,12 @@ def run_batch(
     # Error estimates require a second run of each run, and an unstable time step an error message
     # of each run.
     building = prepared.building
+    ends = np.array([steps.count * steps.h for _, _, steps in runs])
+    is_settled = prepared.settled(subject.model, ends)
     if check or subject.across or prepared.instability(subject.integrator, h):
-        outcomes = Outcomes.of(building, BatchResult.empty(len(runs), building), to_rest)
+        outcomes = Outcomes.of(
+            building, BatchResult.empty(len(runs), building), to_rest, is_settled
+        )
         for i in range(len(runs)):
             outcomes.replace(i, partial(integrate, i))
         return outcomes
@@ -362,7 +374,7 @@ def run_batch(
         on_history=on_history,
         samples=samples,
     )
-    outcomes = Outcomes.of(samples.building if samples else building, batch, to_rest)
+    outcomes = Outcomes.of(samples.building if samples else building, batch, to_rest, is_settled)
     # A failed run is integrated again only if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():
         run_case, steps = case(i), runs[i][2]

@@ -672,6 +672,9 @@ class Case(Described):
         late = 0.0 if result.completed > steps.count else steps.late
         devices = device_peaks(self.building, space, steps.late)
         warnings = (*warnings, *_fracture_warnings(self.model, elements, devices))
+        is_settled = self.is_settled((self.prepared.completed + result.completed) * steps.h)
+        stories = stories.settled(is_settled)
+        devices = devices and replace(devices, stories=devices.stories.settled(is_settled))
         if collapse:
             stories = stories.without_residual()
             devices = devices and replace(devices, stories=devices.stories.without_residual())
@@ -775,6 +778,11 @@ class Case(Described):
             *unusual_stories(USUAL["residual_drift"], np.where(drifts_away, drift_ratio, math.nan)),
         ]
 
+    def is_settled(self, time: float) -> NDArray[np.bool_]:
+        """Return True, in an array without axes, if a run that ends at a time (s) has no residual
+        drifts (`PreparedBuilding.settled`)."""
+        return np.asarray(self.prepared.settled(self.model, np.array([time]))[0])
+
     @property
     def _remedy(self) -> str:
         """Remedy for a wrong energy balance. The damping is the cause if modes have negative
@@ -836,7 +844,8 @@ class Case(Described):
                 "first; the table of the elements contains the ductility of each"
             )
         # Under forces on floors, which do not end, there is no state of rest.
-        if record and not (ended_by_collapse or self.model.excitation.has_forces):
+        is_moving = not (ended_by_collapse or self.model.excitation.has_forces)
+        if record and is_moving:
             notes += self._vibration_note(response, oscillation, end - record.duration)
         return tuple(notes)
 
@@ -882,10 +891,10 @@ class Case(Described):
             if reached_limit
             else "see --until-rest"
         )
-        return [
-            f"{what} still vibrates at the end ({where} by about +-{drift}): {results} are "
-            f"instantaneous values; {advice}"
-        ]
+        meaning = f": {results} are instantaneous values"
+        if self.is_settled(response.steps * response.dt):
+            meaning = ""
+        return [f"{what} still vibrates at the end ({where} by about +-{drift}){meaning}; {advice}"]
 
     def _stiffening_note(self) -> tuple[str, ...]:
         """Return a note if stability of the method is limited by stories that become stiffer than

@@ -532,7 +532,8 @@ def story_errors(
         # For residual drifts, the bound is the change of the drift after the requested time
         # (usually the end of the record), because a run with long time steps ends later.
         if name == "residual_drift":
-            return error + response.interstep_bound.residual_drift
+            settled = (response.stories.residual_drift == 0.0) & (other.stories.residual_drift == 0)
+            return np.where(settled, 0.0, error + response.interstep_bound.residual_drift)
         finer_run = other if other_is_finer else None
         return np.maximum(error, _missed_excess(response, finer_run, start, name))
 
@@ -661,6 +662,7 @@ def run_until_rest(case: Case, steps: Steps, run: Callable[[float], Response]) -
         amplitude, COMMON * common(amplitude, response.stories.peak_drift)
     )
     errors = response.check.errors
+    remaining_motion = np.where(response.stories.residual_drift == 0.0, 0.0, remaining_motion)
     errors = replace(errors, residual_drift=errors.residual_drift + remaining_motion)
     return replace(response, check=replace(response.check, errors=errors))
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, Numbers, each_array
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
+from tdint.model.status import NO_RESULT
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.energy import ENERGY_ROUNDING
 from tdint.tabular import Described, Tabular, WithTable
@@ -193,6 +194,13 @@ class StoryPeaks(WithTable, StoryValues):
 
     height: Array
     isolator: Array
+
+    def settled(self, is_settled: NDArray[np.bool_]) -> "StoryPeaks":
+        """Return the peaks with residual drifts of zero where a run ends without forces on a
+        building that rests at zero (`Building.rests_at_zero`); `is_settled` is one value or one per
+        run. The drift at the end is vibration."""
+        zero = np.where(is_settled[..., np.newaxis], 0.0, self.residual_drift)
+        return replace(self, residual_drift=zero)
 
     def without_residual(self) -> "StoryPeaks":
         """Return the peaks of a collapsed run, with unknown residual drifts (nan)."""
@@ -758,9 +766,7 @@ class Response(Tabular):
         )
 
 
-DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
-UNSTABLE, NO_STEP = "unstable-step", "not-within-tolerance"
-FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP)
+DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP = FAILED = NO_RESULT
 """Status values of runs without a result."""
 
 

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint import system
 from tdint.arrays import Array, cached_property
@@ -378,6 +379,13 @@ class PreparedBuilding:
             model.collapse_drift,
             points,
         )
+
+    def settled(self, model: Model, times: Array) -> NDArray[np.bool_]:
+        """Return True for each end of a run (s) after which all drifts of the building are zero at
+        rest: it rests at zero, and no force of the model acts at the end."""
+        if not self.building.rests_at_zero:
+            return np.zeros(times.shape, bool)
+        return np.array([model.excitation.is_zero_at(time) for time in times.tolist()], bool)
 
     def continued_from(self, state: RunState, integrator: Integrator) -> PreparedBuilding:
         """Return the building with runs that start from the state at the end of another run.

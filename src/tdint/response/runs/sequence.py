@@ -234,8 +234,12 @@ def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventRe
     building, dt = joined.building, sequence.records[0].dt
     parts = joined.prepared.integrate_in_parts(joined.method, steps, joined.ground, firsts)
     events = []
-    for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False):
-        stories = loop_results.story_peaks(building, space)
+    ends = (*firsts[1:], steps.count)
+    for record, start, end, space in zip(
+        sequence.records, sequence.starts, ends, parts, strict=False
+    ):
+        is_settled = joined.is_settled(end * steps.h)
+        stories = loop_results.story_peaks(building, space).settled(is_settled)
         # Residual drifts are read at the end of the part, so that the last step is 0 s late.
         bound = loop_results.interstep_peak_errors(building, space, 0.0, slice(building.floors))
         events.append(EventResponse(record, start * dt, stories, bound))

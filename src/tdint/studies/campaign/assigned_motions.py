@@ -8,6 +8,8 @@ workflow.
 from __future__ import annotations
 
 import hashlib
+import os
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +21,7 @@ from scipy.spatial import cKDTree
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, TdintError
+from tdint.files import is_file
 from tdint.ground_motion.axes import PairRecord
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import with_component
@@ -424,6 +427,13 @@ class Scales:
         return {"scales": list(self.values)}
 
 
+def files_of_row(text: str, table: str) -> list[str]:
+    """Return the files to which the path in a row of a table can refer, if they exist: relative to
+    the working directory, then to the directory of the table."""
+    paths = dict.fromkeys([Path(text), Path(table).parent / text])
+    return [str(path) for path in paths if text and is_file(path)]
+
+
 @dataclass(frozen=True)
 class FactorTable:
     """Scale factors by names of motions and components, as in a CSV file. An empty component
@@ -450,9 +460,36 @@ class FactorTable:
     by_motion: Mapping[int, Mapping[float, float]] = field(default_factory=dict)
 
     def of_motions(self, motions: Sequence[SuiteMotion]) -> FactorTable:
-        """Return the table with the factors and levels of the motions of a campaign."""
+        """Return the table with the factors and levels of the motions of a campaign. ModelError is
+        raised if a row without an existing file can be that of two motions with the same name."""
         by_motion = {number: self.of(motion) for number, motion in enumerate(motions)}
+        files: dict[str, set[str]] = defaultdict(set)
+        for motion in motions:
+            files[Path(motion.name).name].add(os.path.realpath(motion.name))
+        for name in self._text_of_name.keys() & {name for name in files if len(files[name]) > 1}:
+            raise ModelError(
+                f"{self.source}: {self._text_of_name[name]} can be "
+                f"{' or '.join(sorted(files[name]))}; write the path of the file in the table"
+            )
         return replace(self, by_motion=by_motion)
+
+    @cached_property
+    def _text_of_file(self) -> Mapping[str, str]:
+        """Path in the table by the file to which it refers."""
+        texts = dict.fromkeys(text for text, _ in self.by_name)
+        located = [(file, text) for text in texts for file in files_of_row(text, self.source)]
+        return {os.path.realpath(file): text for file, text in reversed(located)}
+
+    @cached_property
+    def _text_of_name(self) -> Mapping[str, str]:
+        """Path in the table by the name of its file, for paths whose files do not exist and whose
+        names are unique."""
+        located = {*self._text_of_file.values()}
+        texts: dict[str, dict[str, None]] = defaultdict(dict)
+        for text, _ in self.by_name:
+            if text not in located:
+                texts[Path(text).name][text] = None
+        return {name: text for name, (text, *others) in texts.items() if not others}
 
     def unequal_factors(
         self, motions: Sequence[SuiteMotion], partners: Mapping[int, int]
@@ -471,8 +508,9 @@ class FactorTable:
 
     def of(self, motion: SuiteMotion) -> Mapping[float, float]:
         """Return the scale factors of a motion with their levels. The table may list the motion by
-        its name, by the name of its file without the directory, or by the name of the pair to which
-        it belongs. A pair along the axes of a building has the common factors of its components.
+        its name, by any path of its file, by the name of its file without the directory, or by the
+        name of the pair to which it belongs. A pair along the axes of a building has the common
+        factors of its components.
 
         Raises
         ------
@@ -482,8 +520,11 @@ class FactorTable:
         # The ground motion of a component of a pair is the pair. The ground motion of a single
         # record is the record.
         ground_motion = motion.ground_motion
-        names = dict.fromkeys([motion.name, Path(motion.name).name, ground_motion.source])
-        for name in names:
+        by_file = self._text_of_file.get(os.path.realpath(motion.name))
+        by_name = self._text_of_name.get(Path(motion.name).name)
+        for name in dict.fromkeys([motion.name, by_file, ground_motion.source, by_name]):
+            if name is None:
+                continue
             for component in component_names_of(motion):
                 if (name, component) in self.by_name:
                     return self.by_name[name, component]

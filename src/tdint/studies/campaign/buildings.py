@@ -83,6 +83,11 @@ class ModelBuilding:
         return self.made
 
     @property
+    def label(self) -> str:
+        """Name of the variation of a sweep; empty without a sweep."""
+        return self.made.model.label
+
+    @property
     def stories(self) -> int:
         """Number of stories."""
         return len(self.made.model.stories)
@@ -161,7 +166,7 @@ def digest_of(model: Model, method: str) -> str:
         "damage",
         "limits",
         "weight_factor",
-        "force_unit",
+        "units",
         "across",
         "axis_azimuth",
     ):
@@ -235,6 +240,11 @@ class RowBuilding:
     def name(self) -> str:
         """Identifier of the row, with the label of its variation."""
         return f"{self.row.id}: {self.row.label}" if self.row.label else self.row.id
+
+    @property
+    def label(self) -> str:
+        """Name of the variation of a sweep; empty without a sweep."""
+        return self.row.label
 
     @property
     def stories(self) -> int:

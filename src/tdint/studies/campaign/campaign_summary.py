@@ -22,7 +22,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "ORDER BY id"
     )
     origins = store.origins()
-    buildings = store.connection.execute("SELECT count(*) FROM buildings").fetchone()[0]
+    buildings = store.value("SELECT count(*) FROM buildings")
     return {
         "schema": schema("campaign"),
         "name": store.meta("name"),

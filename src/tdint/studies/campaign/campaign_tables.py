@@ -3,11 +3,11 @@ written in batches, so that memory use is limited."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
-from itertools import islice, repeat
+from itertools import islice
+from types import SimpleNamespace
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
@@ -23,7 +23,6 @@ from tdint.output.tables.table import (
     Cell,
     Column,
     Table,
-    cell_text,
     converted,
     csv_bytes,
     error_columns,
@@ -41,8 +40,8 @@ from tdint.studies.campaign.story_profiles import (
 )
 from tdint.studies.columns import declared
 from tdint.studies.fragility.measures import RunMeasure
+from tdint.studies.store import schema
 from tdint.studies.store.result_store import Store
-from tdint.studies.store.schema import RowTable
 from tdint.units import SI, OutputUnits, Quantity, suffix
 
 EVENT = Column.named("event", "event of a ground motion field", TEXT)
@@ -54,7 +53,9 @@ COUNTS = declared("campaign.counts")
 PROFILES = (BUILDING_COLUMNS[0], *declared("campaign.profiles"), *COUNTS)
 """Columns of profiles.csv."""
 
-PROFILE_ERRORS = error_columns(PROFILES[5:10])
+PROFILE_ERRORS = tuple(
+    column._replace(value=column.name) for column in error_columns(PROFILES[5:10])
+)
 """Additional columns of a campaign with error estimates."""
 
 FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *COUNTS)
@@ -89,6 +90,10 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
         Column("motions", "1", "profile.counts.completed", ""),
         Column(f"mean_{drift}{end}", drift_unit, "mean_drift", ""),
         Column(f"largest_{drift}{end}", drift_unit, "largest_drift", ""),
+        *(
+            Column(f"{name}_{drift}{end}", drift_unit, name, "")
+            for name in ("median", "p16", "p84")
+        ),
         Column("times_baseline", "1", "ratio", ""),
         Column.named("acceleration", "", "m/s^2"),
         Column(f"residual_{drift}{end}", drift_unit, "residual_drift", ""),
@@ -130,97 +135,50 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 
 class StoreTable(NamedTuple):
     """Table of a campaign. The rows are read from the store when they are written, because there
-    can be millions of runs. Numbers are in SI units; texts were formatted by `cell_text`."""
+    can be millions of runs. Numbers are in SI units."""
 
     columns: Sequence[Column]
-    rows: Iterable[list[Any]]
+    rows: Iterable[Sequence[Any]]
 
     @classmethod
     def of_results(cls, columns: Sequence[Column], results: Iterable[Any]) -> StoreTable:
         """Return a table with the rows of results, for which the columns are evaluated."""
-        rows = (
-            [cell_text(cell) if isinstance(cell, str) else cell for cell in row]
-            for result in results
-            for row in rows_of(columns, result)
-        )
-        return cls(columns, rows)
+        return cls(columns, (row for result in results for row in rows_of(columns, result)))
 
     def write(self, stream: BinaryIO, units: OutputUnits = SI) -> None:
         """Write the table as CSV to a stream, in output units."""
-        names_and_factors = [units.column(column.name, column.unit) for column in self.columns]
-        stream.write(csv_bytes([[name for name, _ in names_and_factors]]))
-        rows = self.rows
+        column_names, factors = zip(
+            *(units.column(column.name, column.unit) for column in self.columns), strict=True
+        )
+        stream.write(csv_bytes([column_names]))
+        rows = iter(self.rows)
         if units != SI:
-            factors = [factor for _, factor in names_and_factors]
-            rows = (
-                [converted(cell, factor) for cell, factor in zip(row, factors, strict=True)]
-                for row in rows
-            )
+            rows = (tuple(map(converted, row, factors)) for row in rows)
         # Rows are formatted in batches, because a campaign may have more rows than fit into memory.
-        source = iter(rows)
-        while batch := list(islice(source, _ROWS_AT_ONCE)):
+        while batch := list(islice(rows, _ROWS_AT_ONCE)):
             stream.write(csv_bytes(batch))
 
 
 def run_table(store: Store) -> StoreTable:
-    """Return runs.csv, the table of all runs of a campaign.
+    """Return runs.csv, the table of all runs of a campaign, in the order of buildings, records,
+    scale factors and samples.
 
     The last columns are the parameters of a sweep, the event and the columns of the inventory, if
     the campaign has them.
     """
-    error_columns_of_runs = RUN_ERRORS if store.checked else ()
-    sweep_columns = varied_columns(_varied_names(store.varied()))
-    columns = (*RUNS, *error_columns_of_runs, *sweep_columns)
-    return StoreTable((*columns, *copied_columns(store, names(columns))), _run_rows(store))
+    varied, cells_of = store.varied(), copied_cells(store)
+    units = store.varied_units()
+    parameters = {name: units.get(name, "") for values in varied for name in values}
+    shown = (*RUNS, *(RUN_ERRORS if store.checked else ()))
+    columns = (*shown, *varied_columns(parameters))
+    rows = (
+        [*cells, *(varied[building].get(name) for name in parameters), *cells_of(building, sample)]
+        for building, sample, *cells in store.shown(schema.RUNS, shown[4:])
+    )
+    return StoreTable((*columns, *copied_columns(store, names(columns))), rows)
 
 
-def _varied_names(varied: Sequence[Mapping[str, float]]) -> list[str]:
-    """Return the names of all parameters that a sweep changed; `varied` has the changed values of
-    each building by name."""
-    return list(dict.fromkeys(name for values in varied for name in values))
-
-
-def run_heads(store: Store) -> Callable[[int, int], list[str]]:
-    """Return a function that returns the first three cells of the row of a run: building, record
-    and component. The arguments of the function are the numbers of the building and the record."""
-    # The names are formatted one time, because there can be millions of runs.
-    buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
-    records = {
-        number: [cell_text(name), cell_text(component)]
-        for number, (name, component, _) in store.records().items()
-    }
-    return lambda building, record: [buildings[building], *records[record]]
-
-
-def _run_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of runs.csv in the order of buildings, records, scale factors and samples."""
-    # For each building of a sweep, `varied` has the changed values by the name of the parameter. It
-    # is empty for other campaigns.
-    varied = store.varied()
-    varied_names = _varied_names(varied)
-    varied_cells = [[values.get(name) for name in varied_names] for values in varied]
-    methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
-    name_cells, inventory_cells, has_errors = run_heads(store), copied_cells(store), store.checked
-    for building, record, scale, sample, motion, level, dt, status, *values in store.runs():
-        head = [
-            *name_cells(building, record),
-            scale,
-            sample,
-            motion,
-            level,
-            methods[building],
-            dt,
-            status,
-        ]
-        # The columns of RUNS are followed by values that are not in the table, and by the errors,
-        # which every row of the store contains, even if no errors were estimated.
-        results = values[: len(RUNS) - len(head)]
-        errors = values[len(values) - len(RUN_ERRORS) :] if has_errors else []
-        parameters = varied_cells[building] if varied_cells else []
-        yield head + results + errors + parameters + inventory_cells(building, sample)
-
-
-def part_table(store: Store, table: RowTable) -> StoreTable:
+def part_table(store: Store, table: schema.RowTable) -> StoreTable:
     """Return stories.csv, elements.csv, attachments.csv or links.csv, the results of these parts of
     the buildings in all runs of a campaign; or shocks.csv, the response to each event of a
     sequence. The rows are in the order of runs.csv and of the model file.
@@ -228,74 +186,59 @@ def part_table(store: Store, table: RowTable) -> StoreTable:
     The column `sample` is included if ground motions were sampled, because two samples can be the
     same ground motion.
     """
-    has_samples = store.count("sample > 0") > 0
-    sample_column = (SAMPLE,) if has_samples else ()
     errors = table.errors if store.checked else ()
-    columns = (*BUILDING_COLUMNS, *sample_column, *table.shown, *errors)
-    return StoreTable(columns, _part_rows(store, table, has_samples=has_samples))
+    columns = ((SAMPLE,) if store.has_samples else ()) + table.shown + errors
+    rows = (cells for _, _, *cells in store.shown(table, columns))
+    return StoreTable((*BUILDING_COLUMNS, *columns), rows)
 
 
-def _part_rows(store: Store, table: RowTable, *, has_samples: bool) -> Iterator[list[Any]]:
-    """Yield the rows of `part_table`."""
-    name_cells = run_heads(store)
-    for building, record, scale, sample, *cells in store.parts(table):
-        sample_cell = (sample,) if has_samples else ()
-        yield [*name_cells(building, record), scale, *sample_cell, *cells]
-
-
-def _profile_rows(profiles: Iterable[Profile], units: OutputUnits) -> Iterator[list[Any]]:
-    """Yield the rows of profiles.csv: statistics of the peak responses over the ground motions.
-
-    There is one row per building, intensity level, quantity and story, from the ground up.
-    """
+def _profile_rows(profiles: Iterable[Profile], units: OutputUnits) -> Iterator[SimpleNamespace]:
+    """Yield the results of profiles.csv: statistics of the peak responses over the ground motions,
+    one per building, intensity level and quantity, with an array over the stories."""
     for profile in profiles:
-        counts = (profile.counts.motions, *profile.counts[1:])
-        level = () if math.isnan(profile.level) else (profile.level,)
-        pair_demand = (profile.pair_demand,) if profile.pair_demand else ()
         for quantity in STORY_QUANTITIES:
             unit, factor = units.unit(quantity.unit)
-            statistics = (np.array(profile.statistics(quantity)).T / factor).tolist()
-            errors: Iterable[Sequence[float]] = repeat(())  # no cells if not estimated
-            if (error_statistics := profile.errors(quantity)) is not None:
-                errors = (np.array(error_statistics).T / factor).tolist()
-            name = quantity.called or quantity.name
-            # The lengths may differ (`strict=False`), because `repeat` is endless.
-            for story, (cells, error_cells) in enumerate(
-                zip(statistics, errors, strict=False), start=1
-            ):
-                head = (cell_text(profile.building), profile.scale, *level, name, story, unit)
-                yield [*head, *cells, *counts, *error_cells, *pair_demand]
+            statistics, errors = profile.statistics(quantity), profile.errors(quantity)
+            values = {
+                name: of_stories / factor for name, of_stories in statistics._asdict().items()
+            }
+            for name, of_stories in errors._asdict().items() if errors else ():
+                values[f"{name}_error"] = of_stories / factor
+            yield SimpleNamespace(
+                building=profile.building,
+                scale=profile.scale,
+                level=profile.level,
+                counts=profile.counts,
+                quantity=quantity.called or quantity.name,
+                story=np.arange(1, profile.height.size + 1),
+                unit=unit,
+                **values,
+            )
 
 
-def with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:
-    """Return the columns with the column of the intensity level inserted before the column `index`.
-
-    The columns are unchanged if the levels of the campaign are scale factors, because these have a
-    separate column.
-    """
-    if level_measure(store) is None:
-        return columns
-    return (*columns[:index], LEVEL, *columns[index:])
-
-
-def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
-    """Return the columns of a table and, if the campaign has pairs of components, the column with
-    the rule for the demand of a pair, such as `larger`; all its cells are equal."""
-    pair_demand = store.pair_rule().demand_if_pairs
-    if not pair_demand:
-        return tuple(columns)
-    return (*columns, PAIR_DEMAND._replace(value=lambda _: pair_demand))
+def suite_columns(
+    store: Store, columns: Sequence[Column], level_at: int | None = None, *, of_pairs: bool = True
+) -> tuple[Column, ...]:
+    """Return the columns of a table over ground motions. The column of the intensity level is
+    inserted before the column `level_at`, if levels are not scale factors, which have their own
+    column; if the campaign has pairs, the last column states the demand of a pair."""
+    pair_demand = of_pairs and store.pair_rule().demand_if_pairs
+    has_level = level_at is not None and level_measure(store) is not None
+    return (
+        *columns[:level_at],
+        *((LEVEL,) if has_level else ()),
+        *(columns[level_at:] if level_at is not None else ()),
+        *((PAIR_DEMAND._replace(value=lambda _: pair_demand),) if pair_demand else ()),
+    )
 
 
 def profiles_table(store: Store, units: OutputUnits) -> StoreTable:
     """Return profiles.csv, the statistics of peak responses over the ground motions, in the units
-    of its rows.
-
-    Levels that are not scale factors have a column `level`.
-    """
-    errors = PROFILE_ERRORS if store.checked else ()
-    columns = with_pair_demand(store, (*with_level(store, PROFILES, 2), *errors))
-    return StoreTable(columns, _profile_rows(profiles(store), units))
+    of its rows."""
+    columns = (*PROFILES, *(PROFILE_ERRORS if store.checked else ()))
+    return StoreTable.of_results(
+        suite_columns(store, columns, 2), _profile_rows(profiles(store), units)
+    )
 
 
 def profile_table(
@@ -384,7 +327,15 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
         True for the ratios of each story and of the maxima over the stories; False for the ratios
         of the maxima only.
     """
-    table = Table.of_results(with_pair_demand(store, with_level(store, RATIOS, 3)), ratios)
+    table = Table.of_results(suite_columns(store, RATIOS, 3), ratios)
+    # Rows without any ratio are omitted, except the first of a building at a level: its counts.
+    start, end = (table.columns.index(name) for name in ("quantity", "mean_ratio"))
+    kept: dict[tuple[Cell, ...], list[tuple[Cell, ...]]] = {}
+    for row in table.rows:
+        rows = kept.setdefault(tuple(map(str, row[:start])), [])
+        if not rows or any(cell == cell and cell is not None for cell in row[end : end + 3]):
+            rows.append(row)
+    table = table._replace(rows=[row for rows in kept.values() for row in rows])
     if stories:
         return table
     # The rows of the maxima over the stories have no story.
@@ -397,7 +348,7 @@ def run_floor_table(store: Store, floors: SpectraOfRuns) -> Table:
     period.
     """
     # Two samples can be the same ground motion; their numbers distinguish the rows.
-    has_samples = store.count("sample > 0") > 0
+    has_samples = store.has_samples
     columns = (*BUILDING_COLUMNS, *((SAMPLE,) if has_samples else ()), FLOOR, *SPECTRUM)
     buildings, records = store.buildings(), store.records()
     heads: list[tuple[Cell, ...]] = []
@@ -422,7 +373,7 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     store : Store
         Store of the campaign, which determines the columns of the level and of pairs.
     """
-    return Table.of_results(with_pair_demand(store, with_level(store, FLOOR_SUITES, 2)), suites)
+    return Table.of_results(suite_columns(store, FLOOR_SUITES, 2), suites)
 
 
 def status_table(statuses: dict[str, int], remaining: int) -> Table:
@@ -467,14 +418,8 @@ def copied_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
 def copied_cells(store: Store) -> Callable[[int, int], list[str]]:
     """Return a function that returns the cells of the columns of `copied_columns`: the event, and
     the cells of the inventory. Its arguments are the numbers of the building and the sample."""
-    events = [cell_text(event) for event in store.events()]
-
     # The runs of a building are consecutive, so the cells of one building are cached.
-    @lru_cache(maxsize=1)
-    def inventory_cells(building: int) -> list[str]:
-        """Return the formatted cells of the inventory row of a building, by its number."""
-        return [cell_text(cell) for cell in store.copied_cells(building)]
-
+    events, inventory_cells = store.events(), lru_cache(maxsize=1)(store.copied_cells)
     # The sample is the number of the event, from 1. Without events, the slice is empty.
     return lambda building, sample: [*events[sample - 1 : sample], *inventory_cells(building)]
 

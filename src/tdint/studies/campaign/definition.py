@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.model.keys import fields
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
+from tdint.number_parsing import number_or_nan, parse_ratio
 from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, Levels, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.fragility.type_states import DamageRequest
@@ -52,11 +54,12 @@ deviations."""
 class Distribution:
     """Distribution of a random parameter: `name` is a key of `DISTRIBUTIONS`; `first` and `second`
     are the values of its two parameters, for example median and beta of a lognormal
-    distribution."""
+    distribution; `unit` is their unit, if they have one."""
 
     name: str
     first: float
     second: float
+    unit: str = ""
 
     def __post_init__(self) -> None:
         """Raise UsageError if the parameters are invalid for this distribution."""
@@ -282,8 +285,9 @@ class ParameterSweep:
 
     Attributes
     ----------
-    grids : mapping of str to tuple of float
-        Values of parameters (`tdint.model.parameters.PARAMETERS`), in all combinations.
+    grids : mapping of str to tuple of float or str
+        Values of parameters (`tdint.model.parameters.PARAMETERS`), in all combinations: numbers in
+        the units of the models that they vary, or texts with units.
     random : mapping of str to Distribution
         Random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover 1979).
     correlation : Correlation | None
@@ -300,7 +304,7 @@ class ParameterSweep:
         Position of the sweep in the campaign file, for error messages; None: not from a file.
     """
 
-    grids: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    grids: Mapping[str, tuple[float | str, ...]] = field(default_factory=dict)
     random: Mapping[str, Distribution] = field(default_factory=dict)
     samples: int = 0
     seed: int = 0
@@ -321,8 +325,9 @@ class ParameterSweep:
                 raise
             raise ModelError([self.location._replace(message=str(error))]) from None
 
-    def changes(self) -> list[dict[str, float]]:
-        """Return one dictionary per variation, from the name of a parameter to its value.
+    def changes(self) -> list[dict[str, float | str]]:
+        """Return one dictionary per variation, from the name of a parameter to its value: a text
+        if it has a unit, otherwise a number in the units of the model.
 
         The variations are all combinations of the grid values, each with all samples of the random
         parameters. Methods and time steps are not included.
@@ -341,7 +346,7 @@ class ParameterSweep:
                 f"the sweep has {count} variations of each building; at most "
                 f"{_MAX_VARIATIONS} are allowed"
             )
-        grid_points = [
+        grid_points: list[dict[str, float | str]] = [
             dict(zip(self.grids, values, strict=True))
             for values in itertools.product(*self.grids.values())
         ]
@@ -361,15 +366,58 @@ class ParameterSweep:
             distribution.at(probabilities[:, i]).tolist()
             for i, distribution in enumerate(self.random.values())
         ]
+        for name, values in zip(self.random, values_by_parameter, strict=True):
+            for value in values:
+                check_value(name, value)
+        texts_by_parameter = [
+            [f"{value!r} {item.unit}" if item.unit else value for value in values]
+            for item, values in zip(self.random.values(), values_by_parameter, strict=True)
+        ]
         # One dictionary per sample, from the name of a random parameter to its value
         samples = [
             dict(zip(self.random, values, strict=True))
-            for values in zip(*values_by_parameter, strict=True)
+            for values in zip(*texts_by_parameter, strict=True)
         ]
-        for sample in samples:
-            for name, value in sample.items():
-                check_value(name, value)
         return [point | sample for point in grid_points for sample in samples]
+
+    def units_of(self, models: Sequence[Model]) -> dict[str, tuple[str, float]]:
+        """Return the unit of each key with numbers without a unit, and its factor to SI units: that
+        of the models. Factors and ratios are omitted.
+
+        Raises
+        ------
+        UsageError
+            The models have different units.
+        """
+        bare = [name for name, values in self.grids.items() if not all(map(_is_text, values))]
+        bare += [name for name, distribution in self.random.items() if not distribution.unit]
+        units: dict[str, tuple[str, float]] = {}
+        for name in bare if models else ():
+            found = dict.fromkeys(model.unit_of(name) for model in models)
+            if len(found) > 1:
+                texts = " and ".join(unit for unit, _ in found)
+                raise UsageError(
+                    f"{name}: the models have different units ({texts}); write each number with "
+                    f"its unit, such as '100 {next(iter(found))[0]}'"
+                )
+            (unit,) = found
+            if unit[0]:
+                units[name] = unit
+        return units
+
+    def foreign_units(self, models: Sequence[Model]) -> dict[str, str]:
+        """Return the unit of each key with numbers that are not in SI units."""
+        return {name: unit for name, (unit, factor) in self.units_of(models).items() if factor != 1}
+
+    @property
+    def values_text(self) -> dict[str, str]:
+        """Values, or distribution, of each parameter as text."""
+        texts = {name: ", ".join(map(_value_text, values)) for name, values in self.grids.items()}
+        for name, item in self.random.items():
+            first, second = DISTRIBUTIONS[item.name]
+            texts[name] = f"{item.name}, {first} {item.first:g}, {second} {item.second:g}"
+            texts[name] += f" {item.unit}" * bool(item.unit)
+        return texts
 
     def vary_models(self, models: Sequence[Model]) -> tuple[Model, ...]:
         """Return all variations of all models: all variations of the first model, then all
@@ -388,16 +436,23 @@ class ParameterSweep:
                 enumerate(self.changes(), start=1), self.methods or (None,), self.steps or (None,)
             )
         )
-        varied_models = []
+        varied_models, units = [], self.units_of(models)
         for model in models:
             for (number, change), method, dt in variations:
+                numbers = {
+                    name: model.si_value(name, value)
+                    * (units[name][1] if name in units and not isinstance(value, str) else 1.0)
+                    for name, value in change.items()
+                }
                 analysis = replace(
                     model.analysis,
                     method=method or model.analysis.method,
                     dt=dt or model.analysis.dt,
                 )
                 label = self._label(change, number, method, dt)
-                varied_models.append(replace(model.changed(change), analysis=analysis, label=label))
+                varied_models.append(
+                    replace(model.changed(numbers), analysis=analysis, label=label)
+                )
         return tuple(varied_models)
 
     def vary_inventory(self, rows: InventoryRows) -> InventoryRows:
@@ -410,27 +465,29 @@ class ParameterSweep:
         Raises
         ------
         UsageError
-            A sampled value is out of range; there are too many variations.
+            A sampled value is out of range or has a unit; there are too many variations.
         """
-        return replace(
-            rows,
-            changes=[
-                (tuple(change.items()), self._label(change, number, method=None, dt=None))
-                for number, change in enumerate(self.changes(), start=1)
-            ],
-        )
+        changes: list[tuple[tuple[tuple[str, float], ...], str]] = []
+        for number, change in enumerate(self.changes(), start=1):
+            for name, value in change.items():
+                if isinstance(value, str):
+                    raise UsageError(
+                        f"{name}: buildings of an inventory are in SI units; give numbers without "
+                        f"units, got {value!r}"
+                    )
+            numbers = tuple((name, float(value)) for name, value in change.items())
+            changes.append((numbers, self._label(change, number, method=None, dt=None)))
+        return replace(rows, changes=changes)
 
     def _label(
-        self, change: Mapping[str, float], number: int, method: str | None, dt: float | None
+        self, change: Mapping[str, float | str], number: int, method: str | None, dt: float | None
     ) -> str:
         """Return the label of a variation in tables, such as `damping=0.05, draw 3, dt=0.01`. It
         contains the number of the sample (`draw 3`) instead of all sampled values; `number` counts
         the variations from 1.
         """
         texts = [
-            f"{name}={value:.{_LABEL_DIGITS}g}"
-            for name, value in change.items()
-            if name in self.grids
+            f"{name}={_value_text(value)}" for name, value in change.items() if name in self.grids
         ]
         # The samples are the inner loop of `changes`, so the remainder is the index of the sample.
         if self.random:
@@ -442,7 +499,40 @@ class ParameterSweep:
         return ", ".join(texts)
 
 
+def _is_text(value: float | str) -> bool:
+    """Return True if a value of a parameter is a text with a unit."""
+    return isinstance(value, str)
+
+
+def _value_text(value: float | str) -> str:
+    """Return a value of a parameter as text."""
+    return value if isinstance(value, str) else f"{value:.{_LABEL_DIGITS}g}"
+
+
 _NUMBER = fields.Bounds(ratio=True)
+
+_WITH_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([A-Za-z].*)", re.IGNORECASE)
+"""Pattern of a number with a unit."""
+
+
+class _Measured(NamedTuple):
+    """Number of a campaign file and its unit, which is empty if the file does not state it."""
+
+    number: float
+    unit: str
+
+
+def _measured(text: str) -> _Measured:
+    """Return the number and the unit of a text; raise UsageError for other texts."""
+    if not math.isnan(plain := number_or_nan(text)):
+        return _Measured(plain, "")
+    if match := _WITH_UNIT.fullmatch(text.strip()):
+        return _Measured(float(match[1]), match[2])
+    with suppress(UsageError):
+        return _Measured(parse_ratio(text), "")
+    raise UsageError(f"must be a number, got {text!r:.60}")
+
+
 _SAMPLES = keys("samples", samples=fields.Integer(1, 100_000), seed=fields.Integer(0, 2**31 - 1))
 _CORRELATION = fields.Keys(
     keys(
@@ -464,14 +554,23 @@ _SAMPLING = (*_SAMPLES, fields.Key("correlation", _CORRELATION, "correlation of 
 _VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
 
 
-def _distribution(value: fields.Value, name: str, **numbers: float) -> Distribution | None:
+def _distribution(value: fields.Value, name: str, **numbers: _Measured) -> Distribution | None:
     """Return the distribution that a key of the campaign file defines; None if its parameters are
     invalid. In this case an error is recorded in the document.
 
     `**numbers` contains the two parameters by name, in the order of `DISTRIBUTIONS`.
     """
+    first, second = numbers.values()
+    # The beta of a lognormal distribution is a ratio; other parameters have a common unit.
+    if second.unit != ("" if name == "lognormal" else first.unit):
+        value.fault(
+            f"{name}: {' and '.join(numbers)} must have the same unit"
+            if name != "lognormal"
+            else "lognormal: beta has no unit"
+        )
+        return None
     try:
-        return Distribution(name, *numbers.values())
+        return Distribution(name, first.number, second.number, first.unit)
     except UsageError as error:
         value.fault(str(error))
         return None
@@ -482,7 +581,10 @@ _RANDOM = fields.Keys(
         fields.Key(
             name,
             fields.Keys(
-                tuple(fields.Key(name, _NUMBER, needed=True) for name in parameters),
+                tuple(
+                    fields.Key(name, fields.TextLine(_measured, "a number"), needed=True)
+                    for name in parameters
+                ),
                 make=partial(_distribution, name=name),
             ),
         )
@@ -505,7 +607,8 @@ class Varied:
     def schema(self) -> fields.Schema:
         """Return the JSON schema of the key `vary`. Parameters of stories have the same names as in
         `Model.replace`, for example `story 2.mass` or `stories.stiffness`."""
-        values = {"type": "array", "items": _NUMBER.schema(), "minItems": 1}
+        number = {"type": ["number", "string"]}  # a text has a unit or is a percentage
+        values = {"type": "array", "items": number, "minItems": 1}
         # The mapping of a distribution has exactly one key, its name.
         distribution = _RANDOM.schema() | {"minProperties": 1, "maxProperties": 1}
         values_or_distribution = {"anyOf": [values, distribution]}
@@ -566,7 +669,7 @@ def _read_vary(value: fields.Value) -> ParameterSweep | None:
     samples, and random seed. Errors are recorded in the document; None is the result if the value
     is not a mapping with valid keys.
     """
-    grids: dict[str, tuple[float, ...]] = {}
+    grids: dict[str, tuple[float | str, ...]] = {}
     random: dict[str, Distribution] = {}
     names = value.names
     # The allowed names of parameters depend on the stories of the models. Therefore all names are
@@ -627,12 +730,17 @@ def _correlation(
     return correlation
 
 
-def _values(entry: fields.Value, name: str) -> tuple[float, ...]:
-    """Return the values that a list (`entry`) specifies for the parameter `name`. Duplicate values
+def _values(entry: fields.Value, name: str) -> tuple[float | str, ...]:
+    """Return the values that a list (`entry`) specifies for the parameter `name`: numbers, or texts
+    with units. Duplicate values
     are ignored, because they would repeat the same building. Invalid values are recorded as errors
     of the campaign file."""
-    numbers: dict[float, None] = {}  # a dictionary has no duplicate keys and keeps their order
-    for item in entry.items(_VALUES_TEXT) or ():
+    # A dictionary has no duplicate keys and keeps their order.
+    numbers: dict[float | str, None] = {}
+    for item in entry.items(_VALUES_TEXT, f"is empty; give {_VALUES_TEXT}") or ():
+        if math.isnan(number_or_nan(item.word)) and _WITH_UNIT.fullmatch(item.word):
+            numbers[item.word] = None
+            continue
         # A damping ratio may be in percent. An invalid number is NaN, with its error recorded.
         number = item.number(_NUMBER if name == "damping" else fields.ANY)
         try:

@@ -7,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby, islice
+from itertools import islice
 from typing import Any, BinaryIO
 from xml.sax.saxutils import escape, quoteattr
 
@@ -17,10 +17,11 @@ from tdint.arrays import Array
 from tdint.errors import UsageError, write_out_controls
 from tdint.number_parsing import pluralize
 from tdint.output.tables.runs import SAMPLE
-from tdint.output.tables.table import PARQUET, TEXT, Column, describe
+from tdint.output.tables.table import PARQUET, TEXT, Column, cell_text, describe
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run_values import RUN
-from tdint.studies.campaign.campaign_tables import StoreTable, numeric, run_heads
+from tdint.studies.campaign.campaign_tables import StoreTable, numeric
+from tdint.studies.campaign.chunks import Run
 from tdint.studies.fragility.fragility_function import Fragility
 from tdint.studies.motions.intensity import PAIRS
 from tdint.studies.store.result_store import Store
@@ -74,10 +75,11 @@ def write_parquet(
             cells = list(zip(*batch, strict=True))  # one tuple per column
             for index in numeric_inventory_indices:
                 cells[index] = tuple(float(text) if text else None for text in cells[index])
-            arrays = [
-                pyarrow.array(column_cells, field.type)
-                for column_cells, field in zip(cells, schema, strict=True)
-            ]
+            arrays = []
+            for column_cells, field in zip(cells, schema, strict=True):
+                if field.type == pyarrow.string():
+                    column_cells = tuple(cell and cell_text(cell) for cell in column_cells)
+                arrays.append(pyarrow.array(column_cells, field.type))
             writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
 
@@ -95,7 +97,7 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     UsageError
         The store has no stories.
     """
-    (stories,) = store.connection.execute("SELECT max(story) FROM story_rows").fetchone()
+    stories = store.value("SELECT max(story) FROM story_rows")
     if stories is None:
         raise UsageError(
             "the SimCenter export requires story results; set outputs: {stories: true} in the "
@@ -144,44 +146,42 @@ def _rows(
     sample: identifiers of the run, with the component if `has_component`, and demands in all
     directions (2 if there are pairs).
     """
-    name_cells, recordings = run_heads(store), store.pair_rule().recordings
-    pga_of_record = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
+    recordings, names = store.pair_rule().recordings, store.records()
+    pga = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
     demand_count = len(demand_names(stories, 1))  # in each direction
-    # Both components of a pair are in the same row, which belongs to the first component.
-    for building, building_rows in groupby(store.parts(STORIES), key=lambda row: row[0]):
-        rows: dict[tuple[int, float, int], list[Any]] = {}
-        for (record, scale, sample), story_rows_of_run in groupby(
-            building_rows, key=lambda row: row[1:4]
-        ):
-            key = (recordings[record], scale, sample)
-            cells = rows.setdefault(key, [None] * (demand_count * directions))
-            start = demand_count * (record != recordings[record])
-            pga = abs(scale) * pga_of_record[record]
-            demands = _demands_of_run(list(story_rows_of_run), pga, stories)
+    for building, (name, _) in store.buildings().items():
+        # Both components of a pair are in the same row, which belongs to the first component.
+        rows: dict[Run, list[Any]] = {}
+        for run, values in store.values_of_runs(STORIES, ", ".join(_DEMANDS), building).items():
+            first = run._replace(motion=recordings[run.motion])
+            cells = rows.setdefault(first, [None] * (demand_count * directions))
+            start = demand_count * (run != first)
+            demands = _demands_of_run(values, abs(run.scale) * pga[run.motion], stories)
             cells[start : start + demand_count] = demands
-        for (record, scale, sample), cells in rows.items():
-            names = name_cells(building, record)[: 3 if has_component else 2]
-            yield [*names, scale, sample, *cells]
+        for run, cells in rows.items():
+            yield [name, *names[run.motion][: 1 + has_component], run.scale, run.sample, *cells]
 
 
-def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
+_DEMANDS = (
+    "height_m",
+    "peak_absolute_acceleration_m_s2",
+    "peak_drift_ratio",
+    "peak_displacement_m",
+)
+
+
+def _demands_of_run(values: Array, pga: float, stories: int) -> list[Any]:
     """Return the cells of the demands of a run, in the order of `demand_names`.
 
-    `pga` is the peak ground acceleration of the scaled motion, m/s^2. `stories` is the number of
-    stories of the tallest building. Cells of missing stories are empty (None).
+    `values` are `_DEMANDS` of all stories, `pga` is the peak ground acceleration of the scaled
+    motion, m/s^2. `stories` is the number of stories of the tallest building. Cells of missing
+    stories are empty.
     """
-    # `columns` contains the cells of all stories by the name of the column, such as all heights.
-    columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
-    missing_stories = [None] * (stories - len(rows))
-    heights, displacements = columns["height_m"], columns["peak_displacement_m"]
+    missing = np.full((stories - len(values), len(_DEMANDS)), math.nan)
+    heights, accelerations, drifts, displacements = np.vstack([values, missing]).T.tolist()
     # The building has a height only if all its stories have heights.
-    roof_ratio = displacements[-1] / sum(heights) if all(heights) else None
-    return [
-        *(pga, *columns["peak_absolute_acceleration_m_s2"], *missing_stories),
-        *(*columns["peak_drift_ratio"], *missing_stories),
-        roof_ratio,
-        *(*displacements, *missing_stories),
-    ]
+    roof_ratio = displacements[len(values) - 1] / sum(heights[: len(values)])
+    return [pga, *accelerations, *drifts, roof_ratio, *displacements]
 
 
 # ---- Fragility functions for OpenQuake: NRML 0.5, lognormal functions defined by mean and standard

@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.csv_table import CsvTable, number, number_error, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
-from tdint.files import MOST_BYTES, read_at_most, record_digest
+from tdint.files import MOST_BYTES, is_file, read_at_most, record_digest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
 from tdint.ground_motion.joined import JoinedRecord, rest_intervals
@@ -151,31 +151,6 @@ def read_inputs(campaign: definition.CampaignFile, models: tuple[Model, ...] = (
         motions = replace(motions, site_motions=assigned)
     damage = read_class_damage(campaign.damage)
     return Inputs(models, rows, motions, factors, damage, faults, too_far)
-
-
-def check_load_cases(campaign: definition.CampaignFile) -> None:
-    """Read the load cases of a campaign file without runs, for `tdint check`. Models that are
-    invalid are ignored, because they are checked separately.
-
-    Raises
-    ------
-    ModelError
-        A floor does not exist in a building.
-    RecordError
-        Files of load cases are invalid; the message has a line per reason.
-    """
-    assert isinstance(campaign.records, definition.LoadFiles)
-    models: list[Model] = []
-    rows: InventoryRows | None = None
-    if not isinstance(campaign.buildings, definition.InventoryFile):
-        for file in campaign.buildings:
-            with suppress(ModelError):
-                models.append(load_model(file))
-    else:
-        rows, _ = read_rows(campaign.buildings)
-    motions = read_load_cases(campaign.records, models, rows, campaign.source)
-    if motions.failures:
-        raise RecordError("\n".join(map(str, motions.failures)))
 
 
 def read_models(files: Sequence[str], analysis: definition.AnalysisOverrides) -> tuple[Model, ...]:
@@ -397,9 +372,9 @@ def _motions_of(suite: suites.Suite) -> assigned_motions.CampaignMotions:
 def read_sequences(sequences: definition.SequenceFile) -> assigned_motions.CampaignMotions:
     """Read sequences of events from a CSV file.
 
-    The file has the columns sequence, record (path relative to the file) and, optionally,
-    component, factor and units (of the samples; empty if the record states them). The rows of a
-    sequence are in chronological order.
+    The file has the columns sequence, record (path relative to the file, or to the working
+    directory) and, optionally, component, factor and units (of the samples; empty if the record
+    states them). The rows of a sequence are in chronological order.
 
     Returns
     -------
@@ -431,6 +406,8 @@ def read_sequences(sequences: definition.SequenceFile) -> assigned_motions.Campa
         names, records, *optional, factors_in(table), strict=True
     ):
         file, choice = resolve(record, Path(sequences.file).parent), sequences.choice
+        if not is_file(file) and is_file(record):  # relative to the working directory
+            file = record
         # Units of a row override the units for all rows ("*": all components).
         units = {"*": unit.strip()} if unit.strip() else choice.units
         choice = replace(choice, component=component or choice.component, units=units)
@@ -486,7 +463,7 @@ def read_load_cases(
     # columns require a unit.
     unit: float | str = "the buildings of an inventory have no unit of force"
     if models:
-        first, *others = sorted({model.force_unit for model in models})
+        first, *others = sorted({model.units.force for model in models})
         unit = FORCE[first]
         if others:
             unit = f"the models have different units of force: {', '.join([first, *others])}"
@@ -726,13 +703,10 @@ def _located(table: assigned_motions.FactorTable) -> assigned_motions.FactorTabl
     working directory or, if it is not found there, to the directory of the table. ModelError lists
     the files that are not found.
     """
-    directory = Path(table.source).parent
     located: dict[str, str] = {}  # path where the file exists, by the path in the table
     for file in dict.fromkeys(file for file, _ in table.by_name):
-        candidates = (Path(file), directory / file)
-        path = next((candidate for candidate in candidates if file and candidate.is_file()), None)
-        if path is not None:
-            located[file] = file if path == candidates[0] else str(path)
+        if paths := assigned_motions.files_of_row(file, table.source):
+            located[file] = file if paths[0] == str(Path(file)) else paths[0]
     missing = [file for file, _ in table.by_name if file not in located]
     if missing:
         missing_text = abbreviate(

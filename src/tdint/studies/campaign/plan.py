@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from threading import Lock
@@ -81,6 +81,8 @@ class Plan:
         Errors of records and rows of an inventory that were skipped.
     warnings : tuple of str
         Unusual values of the buildings, as shown by `check`. They are shown before the notes.
+    vary_units : mapping of str to str
+        Units of the numbers of each varied parameter, if they are not SI units.
     """
 
     name: str
@@ -99,6 +101,7 @@ class Plan:
     style: str = ""
     pair_demand: str | None = None
     warnings: tuple[str, ...] = ()
+    vary_units: Mapping[str, str] = field(default_factory=dict)
     # Rows of an earlier store (`tdint.studies.campaign.execute.reuse_results`) by the number of the
     # chunk; `chunk` omits their runs.
     kept: dict[int, Rows] = field(default_factory=dict, init=False)
@@ -316,6 +319,17 @@ class Plan:
         return tuple(result)
 
     @cached_property
+    def own_periods(self) -> dict[str, float]:
+        """First periods of the buildings of model files, s, if the motions are scaled to levels at
+        these periods and they differ, so that buildings have different factors; otherwise empty."""
+        if isinstance(self.buildings, RowBuildings):
+            return {}
+        period = self.levels.description().get("period")
+        return different_periods(
+            ((building.name, building.subject().period) for building in self.buildings), period
+        )
+
+    @cached_property
     def recordings(self) -> Mapping[int, int]:
         """Number of the first component of the recording of each motion."""
         return PairRule.from_motions(self.motions, None).recordings
@@ -355,6 +369,13 @@ class Plan:
     def _max_steps(self) -> Array:
         """Maximum time step of each building, s: NaN before it is computed, 0 if there is none."""
         return np.full(len(self.buildings), math.nan)
+
+
+def different_periods(periods: Iterable[tuple[str, float]], period: object) -> dict[str, float]:
+    """Return the first periods of the buildings by name if the levels are at the first period of
+    each building (`period` is T1) and the periods differ; otherwise empty."""
+    own_periods = dict(periods) if period == "T1" else {}
+    return own_periods if len(set(own_periods.values())) > 1 else {}
 
 
 def motions_and_levels(
@@ -403,6 +424,12 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         A time step does not fit a record.
     """
     motions, notes = inputs.motions, list[str]()
+    vary_units = campaign.sweep.foreign_units(inputs.models) if campaign.sweep else {}
+    sources = abbreviate(list(dict.fromkeys(model.source for model in inputs.models)), _MOST_NAMES)
+    unit_lines = [
+        f"vary: {name}: numbers are in {unit}, units of {sources}"
+        for name, unit in vary_units.items()
+    ]
     if campaign.sweep and campaign.sweep.correlation:
         notes.append(campaign.sweep.correlation.note)
     buildings, levels = _buildings(campaign, inputs, notes), _levels(campaign, inputs)
@@ -439,11 +466,22 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         rates=motions.rates,
         pair_demand=campaign.pair_demand,
         notes=(*notes, *motions.notes),
-        warnings=(*_factor_warnings(levels, motions.motions), *_plausibility_warnings(buildings)),
+        warnings=(
+            *unit_lines,
+            *_factor_warnings(levels, motions.motions),
+            *_plausibility_warnings(buildings),
+        ),
+        vary_units=vary_units,
         damage=damage,
         inventory=campaign.buildings.files if isinstance(campaign.buildings, InventoryFile) else (),
     )
     plan.check_steps()
+    if plan.own_periods:
+        note = (
+            "the factors of a motion differ between the buildings, because the levels are at the "
+            "first period of each building: the buildings are not compared"
+        )
+        plan = replace(plan, notes=(*plan.notes, note))
     return plan
 
 

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
-from tdint.errors import UsageError, did_you_mean
+from tdint.errors import ModelError, UsageError, did_you_mean
 from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import pair_name
 from tdint.model.limits import (
@@ -69,6 +69,7 @@ from tdint.studies.motions.pairs import (
     ratios_to,
     with_outcomes,
 )
+from tdint.studies.store import schema
 from tdint.studies.store.result_store import Store
 from tdint.system import on_threads
 from tdint.units import Quantity
@@ -307,80 +308,58 @@ class Profile(SuiteLevel):
 
 
 def profiles(store: Store) -> Iterator[Profile]:
-    """Yield the profiles of all buildings of a campaign, for each building in the order of its
-    levels.
-
-    The values of a single building are in memory at a time. If the store contains no peaks of
-    stories, there are no profiles.
-    """
+    """Yield the profiles of a campaign: for each building, one per intensity level, in ascending
+    order of the levels without sign. Nothing is yielded if no peaks of stories are stored."""
     if not store.has_stories:
         return
-    # Query the tables before the loop, because there may be a million buildings.
-    records = store.records()
+    records, rules = store.records(), SuiteRules.of(store)
     story_counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
-    rules, has_errors = SuiteRules.of(store), store.checked
-    file_of_record = {number: name for number, (name, _, _) in records.items()}
-    name_of_motion = lru_cache(maxsize=None)(pair_name)  # the same in all buildings
+    quantities = [quantity.column for quantity in STORY_QUANTITIES]
+    errors = [f"{quantity}_error" for quantity in quantities] if store.checked else []
+    columns = ["height_m", *quantities, *errors]
+    name_of_motion = lru_cache(maxsize=None)(pair_name)
     for number, (name, _) in store.buildings().items():
         limits = store.limits(number)
-        values_by_run = _story_values(store, number, has_errors)
+        # The first entry gives the shape of buildings without a result.
+        values = {Run(-1, 0.0): np.zeros((story_counts[number], len(columns)))}
+        values |= store.values_of_runs(schema.STORIES, ", ".join(columns), number)
         devices = device_values(store, number, limits.limits)
         for level in rules.levels_of(store, number, name):
-            # The name of a pair contains both components, its first and its last run.
-            files = np.array([file_of_record[run.motion] for run in level.runs], object)
-            motions = tuple(
-                name_of_motion(*files[[first, last]])
-                for first, last in zip(
-                    first_runs(level.motion), last_runs(level.motion), strict=True
-                )
-            )
-            height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
-            peaks |= {quantity: level.demands(values) for quantity, values in devices.items()}
+            files = np.array([records[run.motion][0] for run in level.runs], object)
+            ends = (files[first_runs(level.motion)], files[last_runs(level.motion)])
+            height, peaks, errors_of_peaks = _peaks(level, values)
+            peaks |= {quantity: level.demands(of_runs) for quantity, of_runs in devices.items()}
             yield Profile(
                 **vars(level),
-                motions=motions,
+                motions=tuple(map(name_of_motion, *ends)),
                 height=height,
                 peaks=peaks,
-                peak_errors=errors,
+                peak_errors=errors_of_peaks,
                 limits=limits.limits,
                 isolators=limits.isolators,
             )
 
 
-def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Array]:
-    """Read the peaks of the stories in all runs of a building: for each run and story from the
-    ground up, the height, the quantities of `STORY_QUANTITIES` and, if estimated, their errors.
-    """
-    quantities = [quantity.column for quantity in STORY_QUANTITIES]
-    errors = [f"{quantity}_error" for quantity in quantities] if has_errors else []
-    columns = ", ".join(("height_m", *quantities, *errors))
-    rows_by_run: dict[Run, list[list[float]]] = defaultdict(list)
-    for run, *values in store.values_of_runs("story_rows", columns, building, order="story"):
-        rows_by_run[run].append(values)
-    return {run: np.array(rows, dtype=np.float64) for run, rows in rows_by_run.items()}
-
-
 _DEVICE_VALUES = {
-    STROKE: ("attachment_rows", "peak_drift_m"),
-    LINK_DEFORMATION: ("link_rows", "peak_deformation_m"),
-    LINK_FORCE: ("link_rows", "max(peak_force_N, peak_damper_force_N)"),
+    STROKE: (schema.ATTACHMENTS, "peak_drift_m"),
+    LINK_DEFORMATION: (schema.LINKS, "peak_deformation_m"),
+    LINK_FORCE: (schema.LINKS, "max(peak_force_N, peak_damper_force_N)"),
 }
 """Table and value of the limited quantities of attachments and links, as in `device_demands`."""
 
 
 def device_values(
     store: Store, building: int, limits: Iterable[Limit]
-) -> dict[str, dict[Run, list[float]]]:
+) -> dict[str, dict[Run, Array]]:
     """Read the demands of attachments and links in all runs of a building: for each limited
     quantity, the values of each run in the order of the model."""
-    demands = {}
-    for quantity in {limit.quantity for limit in limits} & _DEVICE_VALUES.keys():
-        table, value = _DEVICE_VALUES[quantity]
-        values: dict[Run, list[float]] = defaultdict(list)
-        for run, demand in store.values_of_runs(table, value, building, order="number"):
-            values[run].append(demand)
-        demands[quantity] = values
-    return demands
+    return {
+        quantity: {
+            run: values[:, 0]
+            for run, values in store.values_of_runs(*_DEVICE_VALUES[quantity], building).items()
+        }
+        for quantity in {limit.quantity for limit in limits} & _DEVICE_VALUES.keys()
+    }
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
@@ -431,8 +410,9 @@ class SuiteRules:
     def levels_of(self, store: Store, number: int, building: str = "") -> Iterator[SuiteLevel]:
         """Group the runs of the building with this number by intensity level, and yield the levels
         as `levels`."""
-        rows = store.values_of_runs("run_rows", "motion, level, status", number)
-        return self.levels(rows, building)
+        return self.levels(
+            store.rows_of_runs(schema.RUNS, "motion, level, status", number), building
+        )
 
     def levels(self, rows: Iterable[SuiteRun], building: str = "") -> Iterator[SuiteLevel]:
         """Group runs of a building by intensity level, and yield the levels in ascending order of
@@ -441,16 +421,16 @@ class SuiteRules:
         for row in rows:
             rows_of_level[row[2]].append(row)
         for value in sorted(rows_of_level, key=lambda level: abs(level or 0.0)):
-            at_level = rows_of_level[value]
-            runs = [run for run, *_ in at_level]
-            motion = indices_of(self.pairs.motion_key(run, name) for run, name, *_ in at_level)
-            run_outcome = outcomes_of(status for *_, status in at_level)
-            scales = {run.scale for run in runs}
-            is_common = len(scales) == 1 and not self.has_levels
+            runs, names, _, statuses = zip(*rows_of_level[value], strict=True)
+            motion, run_outcome = (
+                indices_of(map(self.pairs.motion_key, runs, names)),
+                outcomes_of(statuses),
+            )
+            has_common_scale = not self.has_levels and len({run.scale for run in runs}) == 1
             yield SuiteLevel(
-                scales.pop() if is_common else math.nan,
+                runs[0].scale if has_common_scale else math.nan,
                 value if self.has_levels and value is not None else math.nan,
-                runs,
+                list(runs),
                 motion,
                 outcomes_of_motions(motion, run_outcome),
                 run_outcome,
@@ -483,25 +463,25 @@ def level_measure(store: Store) -> tuple[str, str] | None:
 
 
 def _peaks(
-    level: SuiteLevel, values_of_run: Mapping[Run, Array], stories: int, checked: bool
+    level: SuiteLevel, values_of_run: Mapping[Run, Array]
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Return the story heights (m; NaN if no run is completed), and the peaks of the completed runs
-    of a level and their errors (empty if not estimated), shape (motions, stories), by the name of
-    the quantity. The values of each run are those of `_story_values`.
+    """Return the heights of the stories, and the peaks of the motions with their estimated errors
+    by quantity; inf after a collapse, and nan without a result.
+
+    The error of a pair is the larger change of its demand if the peaks of both components are
+    increased, or decreased, by their errors. Errors are absolute values.
     """
-    if not (level.outcome == COMPLETED).any():
-        lost = with_outcomes(np.zeros((len(level.outcome), stories)), level.outcome)
-        no_values = {quantity.name: lost for quantity in STORY_QUANTITIES}
-        return np.full(stories, math.nan), no_values, no_values if checked else {}
-    # Residual drifts are signed: use absolute values. `peaks` has the shape (motions, stories,
-    # columns); the columns are height, quantities and errors.
     absolute = {run: np.abs(values) for run, values in values_of_run.items()}
     values = level.demands(absolute)
-    heights = values[level.outcome == COMPLETED][0, :, 0]
-    peaks = _by_quantity(values[:, :, 1:_FIRST_ERROR])
-    if not checked:
-        return heights, peaks, {}
-    changed = [
+    middle, is_completed = values[:, :, 1:_FIRST_ERROR], level.outcome == COMPLETED
+    heights = (
+        values[is_completed.argmax(), :, 0]
+        if is_completed.any()
+        else np.full(middle.shape[1], math.nan)
+    )
+    if values.shape[2] == _FIRST_ERROR:
+        return heights, _by_quantity(middle), {}
+    up, down = (
         level.demands(
             {
                 run: item[:, 1:_FIRST_ERROR] + sign * item[:, _FIRST_ERROR:]
@@ -509,12 +489,11 @@ def _peaks(
             }
         )
         for sign in (1.0, -1.0)
-    ]
-    with np.errstate(invalid="ignore"):  # the difference of two collapses
-        middle = values[:, :, 1:_FIRST_ERROR]
-        errors = np.maximum(changed[0] - middle, middle - changed[1])
-    errors[level.outcome != COMPLETED] = 0.0
-    return heights, peaks, _by_quantity(errors)
+    )
+    with np.errstate(invalid="ignore"):
+        errors = np.maximum(up - middle, middle - down)
+    errors[~is_completed] = 0.0
+    return heights, _by_quantity(middle), _by_quantity(errors)
 
 
 def _by_quantity(values: Array) -> dict[str, Array]:
@@ -720,8 +699,12 @@ class Ratios(NamedTuple):
         return self.compared.level
 
 
-def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
-    """Raise UsageError if a baseline is not one of the buildings, or is the only building."""
+def check_baseline(
+    baseline: str, buildings: Iterable[str], own_periods: Mapping[str, float] | None = None
+) -> None:
+    """Raise UsageError if a baseline is not one of the buildings, or is the only building; and
+    ModelError if the motions were scaled to levels at `own_periods`, different first periods of the
+    buildings by name, s: then no motion is common."""
     names = list(dict.fromkeys(buildings))
     if baseline not in names:
         suggestion = did_you_mean(baseline, names)
@@ -731,9 +714,18 @@ def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
         )
     if len(names) == 1:
         raise UsageError(f"no other building to compare with {baseline!r}; add a building")
+    if own_periods:
+        period = own_periods[baseline]
+        raise ModelError(
+            f"--baseline {baseline}: the factors of a motion differ between the buildings, because "
+            "the levels are at the first period of each building (period: T1); use levels at one "
+            f"period in the campaign file, such as that of the baseline: `period: {period:.4g}`"
+        )
 
 
-def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
+def ratios(
+    profiles: Sequence[Profile], baseline: str, own_periods: Mapping[str, float] | None = None
+) -> list[Ratios]:
     """Divide the statistics of each building by the statistics of a baseline building, at each
     level of intensity, over the motions that the building and the baseline complete.
 
@@ -746,10 +738,10 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
 
     Raises
     ------
-    UsageError
-        The baseline does not exist, or is the only building.
+    UsageError, ModelError
+        As by `check_baseline`.
     """
-    check_baseline(baseline, (profile.building for profile in profiles))
+    check_baseline(baseline, (profile.building for profile in profiles), own_periods)
     result = []
     for level in at_levels(profiles):
         base = next((profile for profile in level if profile.building == baseline), None)
@@ -772,13 +764,14 @@ def ratios_of(compared: Profile, base: Profile, quantity: str) -> Ratios:
     """Return the ratios of a quantity of `STORY_QUANTITIES`, or of the base shear, of a building to
     a baseline at the same level."""
     is_base_shear = quantity == BASE_SHEAR
-    # Demands of the same motions in both buildings; a motion of only one building has no result.
-    keys = list(dict.fromkeys([*base.keys, *compared.keys]))
+    # Demands under the same motions, with the same factors, in both buildings
+    rows_of_key = [{key: i for i, key in enumerate(item.keys)} for item in (base, compared)]
+    keys = [key for key in rows_of_key[0] if key in rows_of_key[1]]
     values = []
-    for profile in (base, compared):
+    for profile, row_of_key in zip((base, compared), rows_of_key, strict=True):
         peaks = profile.peaks["peak_shear" if is_base_shear else quantity]
-        of_motions = np.full((len(keys), peaks.shape[1]), math.nan)
-        of_motions[[keys.index(key) for key in profile.keys]] = peaks
+        of_motions = np.full((max(len(keys), 1), peaks.shape[1]), math.nan)
+        of_motions[: len(keys)] = peaks[[row_of_key[key] for key in keys]]
         values.append(of_motions[:, :1] if is_base_shear else of_motions)
     is_drift = "drift" in quantity  # the drift of an isolator is its displacement
     apart = [[i - 1 for i in item.isolators] if is_drift else [] for item in (base, compared)]

@@ -7,11 +7,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from tdint.arrays import Array
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
@@ -32,23 +31,19 @@ from tdint.studies.campaign.campaign_summary import campaign_summary
 from tdint.studies.campaign.campaign_tables import (
     profile_error_table,
     profile_table,
-    variant_columns,
 )
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.story_profiles import (
     FloorSuite,
     Profile,
     at_levels,
     isolated_base,
-    ratios_of,
-    story_pairs,
 )
 from tdint.studies.fragility.building_damage import has_losses
-from tdint.studies.fragility.damage_tables import loss_table, type_table
+from tdint.studies.fragility.damage_tables import damage_headlines, loss_table, type_table
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
-from tdint.studies.motions.pairs import MIN_COMMON, describe_demand, recordings_of
+from tdint.studies.motions.pairs import describe_demand, recordings_of
 from tdint.studies.motions.scaling import Scaling
 from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits, suffix
@@ -84,8 +79,7 @@ def suite_page(
 
     `profiles` are the statistics over the ground motions, for each building and intensity level.
     `limit` is the limit of the drift ratio, which the figure shows. `ratios` are the responses of
-    the buildings divided by those of the building `baseline` (by default the first), with which the
-    stories of the others are compared.
+    the buildings divided by those of the building `baseline`.
     """
     content, units = campaign_summary(store), page_units(units)
     has_variants = len({profile.building for profile in profiles}) > 1
@@ -141,7 +135,7 @@ def suite_page(
         page_text,
         warnings=[*plan.warnings, *page_text.warnings, *scaling_warnings, *record_warnings],
         inputs=inputs,
-        verdict=page_text.verdict or _headlines(store, profiles),
+        verdict=[*damage_headlines(store), *(page_text.verdict or _headlines(store, profiles))],
     )
     about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
     return page(plan.name, about, chapters, page_text)
@@ -644,204 +638,3 @@ def _scaled_motions(
 
 # Every report of a suite states this assumption.
 _SUITE = "means are over the ground motions without collapse"
-
-
-# ---- First part of the report of several buildings under the same suite: the answer in one
-# sentence, and one table with a row for each building.
-
-_MAX_VARIANT_ROWS = 40
-"""Maximum number of rows of the table; profiles.csv lists all buildings and levels."""
-
-_MAX_SENTENCES = 3  # maximum number of levels with a separate sentence
-
-
-class _Variant(NamedTuple):
-    """Row of the table: a building at a level. Means are over its completed motions, in the story
-    or floor with the largest mean; `ratio` is the ratio of the mean drifts to the baseline
-    (`ratios_of`). The last two values are the mean peak force, N, and the mean stroke, m, of the
-    devices in the story where each is largest; nan without devices. The stroke is the drift of the
-    story."""
-
-    profile: Profile
-    mean_drift: float = math.nan
-    largest_drift: float = math.nan
-    ratio: float = math.nan
-    acceleration: float = math.nan
-    residual_drift: float = math.nan
-    base_shear: float = math.nan
-    device_force: float = math.nan
-    device_stroke: float = math.nan
-
-    @property
-    def collapses(self) -> str:
-        """Number of motions with collapse, and without a result, as text."""
-        counts = self.profile.counts
-        count = f"{counts.collapsed} of {counts.motions}"
-        return f"{count}, {counts.failed} failed" if counts.failed else count
-
-
-def comparison_parts(
-    plan: Plan, store: Store, profiles: Sequence[Profile], baseline: str | None, units: OutputUnits
-) -> tuple[list[str], list[Part]]:
-    """Return the sentences that answer which building is best, and the table of all buildings with
-    the sentences on its motions; both empty if there is only one building.
-
-    Parameters
-    ----------
-    baseline : str | None
-        Reference building of the drifts; None for the first building.
-    """
-    if len({profile.building for profile in profiles}) < 2:
-        return [], []
-    shown = (profile for profile in profiles if profile.counts.completed)
-    by_length = all(np.isnan(profile.height).all() for profile in shown)
-    sentences, rows, notes = [], [], []
-    levels = at_levels(profiles)
-    for level in levels:
-        variants = _variants(plan, store, level, baseline, by_length=by_length)
-        rows += variants
-        sentences.append(_best_text(variants, baseline, units, by_length=by_length))
-    if len(rows) > _MAX_VARIANT_ROWS:
-        notes.append(f"The first {_MAX_VARIANT_ROWS} of {len(rows)} rows; profiles.csv lists all.")
-    columns = variant_columns(has_levels=len(levels) > 1, by_length=by_length)
-    table = Table.of_results(columns, rows[:_MAX_VARIANT_ROWS])
-    reference = "baseline" if baseline else "first building"
-    explanation = (
-        "Means are over the motions that each building completes, in the story or "
-        "floor with the largest mean. Times baseline compares the mean drifts over the motions "
-        f"that the building and the {reference} both complete, if nothing collapses or these are "
-        f"at least {MIN_COMMON}. Devices are dampers, isolators and elements that the {reference} "
-        "does not have; their stroke is the drift of the story."
-    )
-    return sentences[:_MAX_SENTENCES], [table.in_units(units), " ".join([*notes, explanation])]
-
-
-def _variants(
-    plan: Plan, store: Store, level: Sequence[Profile], baseline: str | None, *, by_length: bool
-) -> list[_Variant]:
-    """Return the rows of the buildings at a level; numbers of a building that completes no motion
-    are nan."""
-    drift = "peak_drift" if by_length else "peak_drift_ratio"
-    base = next((profile for profile in level if profile.building == baseline), level[0])
-    rows = []
-    for profile in level:
-        completed = profile.completed
-        if not completed.counts.completed:
-            rows.append(_Variant(profile))
-            continue
-        drifts = _drifts(completed, drift)
-        residual = _drifts(completed, "residual_drift")
-        if not by_length:
-            residual = residual / completed.height
-        # The total shear includes the forces of dampers; it is missing in runs without dampers.
-        shear = completed.peaks["peak_total_shear"][:, 0]
-        shear = np.where(np.isnan(shear), completed.peaks["peak_shear"][:, 0], shear)
-        rows.append(
-            _Variant(
-                profile,
-                _largest_mean(drifts),
-                float(np.nanmax(drifts, initial=-math.inf)),
-                float(ratios_of(profile, base, drift).ratios.mean[0]),
-                _largest_mean(completed.peaks["peak_absolute_acceleration"]),
-                _largest_mean(residual),
-                float(np.mean(shear)),
-                *_device(plan, store, completed, base),
-            )
-        )
-    return rows
-
-
-def _drifts(profile: Profile, quantity: str) -> Array:
-    """Return a quantity of the stories of a building, shape (motions, stories); nan for isolators,
-    because their drifts are strokes."""
-    values = profile.peaks[quantity].copy()
-    values[:, [number - 1 for number in profile.isolators]] = math.nan
-    return values
-
-
-def _largest_mean(values: Array) -> float:
-    """Return the maximum over the stories of the mean over the motions; nan without any value."""
-    means = np.mean(values, axis=0)
-    means = means[np.isfinite(means)]
-    return float(np.max(means)) if means.size else math.nan
-
-
-def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> tuple[float, float]:
-    """Return force and stroke of the devices of a building under its completed motions."""
-    numbers = {name: number for number, (name, _) in store.buildings().items()}
-    number = numbers[profile.building]
-    model = plan.buildings[number].subject().model
-    base_model = plan.buildings[numbers[base.building]].subject().model
-    laws_of_base: dict[int, set[str]] = defaultdict(set)
-    for index, base_index in story_pairs(profile, base):
-        laws_of_base[index] = {item.law.name for item in base_model.stories[base_index].springs}
-    forces, strokes = [], []
-    # Mean peak force, N, of each element by its story (from 1) and name, over the motions
-    columns = "story, element, peak_force_N"
-    values: dict[tuple[int, str], dict[Run, float]] = defaultdict(dict)
-    for run, story, element, force in store.values_of_runs("element_rows", columns, number):
-        values[story, element][run] = force
-    element_forces = {key: float(np.mean(profile.demands(runs))) for key, runs in values.items()}
-    for index, story in enumerate(model.stories):
-        has_dashpot = bool(story.dashpot or story.power_dashpot)
-        added = [
-            element_forces[index + 1, spring.name]
-            for spring in story.elements
-            if spring.law.name not in laws_of_base[index]
-            and (index + 1, spring.name) in element_forces
-        ]
-        if not (has_dashpot or added or story.isolator):
-            continue
-        strokes.append(float(np.mean(profile.peaks["peak_drift"][:, index])))
-        forces += added if not story.isolator else []
-        names = [*(("peak_damper_force",) * has_dashpot), *(("peak_shear",) * story.isolator)]
-        forces += [float(np.mean(profile.peaks[name][:, index])) for name in names]
-    return max(forces, default=math.nan), max(strokes, default=math.nan)
-
-
-def _best_text(
-    variants: Sequence[_Variant], baseline: str | None, units: OutputUnits, *, by_length: bool
-) -> str:
-    """Return the sentence on the best building: the smallest ratio to the baseline of the buildings
-    that collapse under no more motions than the baseline."""
-    names = [variant.profile.building for variant in variants]
-    base = variants[names.index(baseline) if baseline in names else 0]
-    allowed = base.profile.counts.collapsed
-    candidates = [variant for variant in variants if variant.profile.counts.collapsed <= allowed]
-
-    def rank(variant: _Variant) -> tuple[float, int, float]:
-        """Return the sort key of a building: its ratio, its lost motions, then its mean drift."""
-        ratio = math.inf if math.isnan(variant.ratio) else variant.ratio
-        drift = math.inf if math.isnan(variant.mean_drift) else variant.mean_drift
-        return ratio, variant.profile.counts.lost, drift
-
-    best = min(candidates, key=rank)
-    profile = best.profile
-    level = f" at {profile.level_text}" if profile.level_text else ""
-    text = f"Best{level}: {profile.building}"
-    if any(variant.profile.counts.lost for variant in variants):
-        others = [variant for variant in variants if variant is not best][:_MAX_VARIANT_ROWS]
-        listed = ", ".join(
-            f"{other.profile.building} {other.profile.counts.lost}" for other in others
-        )
-        text += (
-            f", with collapse or failure under {profile.counts.lost} of {profile.counts.motions} "
-            f"motions ({listed})"
-        )
-    if math.isnan(best.mean_drift):
-        return f"{text}; no motion is completed."
-    drift = (
-        units.text(best.mean_drift, "m")
-        if by_length
-        else f"{number_text(100.0 * best.mean_drift, 3)} %"
-    )
-    text += f"; mean drift {drift} under {pluralize(profile.counts.completed, 'motion')}"
-    if math.isnan(best.ratio):
-        text += ", not compared: too few motions are common with the baseline"
-    elif best is not base:
-        text += f", {number_text(best.ratio, 2)} times the baseline"
-    if not math.isnan(best.device_force):
-        text += f"; device force {units.text(best.device_force, 'N')}"
-    if not math.isnan(best.device_stroke):
-        text += f", stroke {units.text(best.device_stroke, 'm')}"
-    return f"{text}."

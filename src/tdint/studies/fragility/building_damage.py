@@ -99,14 +99,13 @@ def building_damages(
     names = store.buildings() if common_states else {}
     is_varied = bool(common_states and store.varied())
     query = (
-        f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2, motion, "
-        "level FROM run_rows"
+        f"SELECT building, record, scale, sample, status, motion, level, {column}, sa_t1_m_s2, "
+        "pga_m_s2 FROM run_rows ORDER BY 1, 2, 3, 4"
     )
     columns = [title.lower() for title in store.inventory_columns()]
-    all_rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
     # The rows are sorted by building, so that the rows of one building at a time are read.
-    for number, rows_of_building in groupby(all_rows, key=itemgetter(0)):
-        rows = list(rows_of_building)
+    for number, rows in groupby(store.connection.execute(query), key=itemgetter(0)):
+        _, records, scales, samples, status, motion, level, *numbers = zip(*rows, strict=True)
         # Common states are thresholds of the maximum drift ratio, which is a value of the runs
         # (divisor 1). Each building is a separate type, together with its variations.
         if common_states:
@@ -115,14 +114,9 @@ def building_damages(
         else:
             building, type_name, divisor, period = store.building_type(number)
         states = common_states or types[type_name]
-        # Columns of a row: 1 to 3 record, scale and sample; 4 status; 5 quantity; 6 Sa(T1); 7 PGA;
-        # 8 and 9 place of the run.
-        runs = [Run(*row[1:4]) for row in rows]
-        status = [row[4] for row in rows]
-        values, sa, pga = (np.array([row[index] for row in rows], float) for index in (5, 6, 7))
+        values, sa, pga = np.array(numbers, float)
         demand = np.abs(values) / divisor
-        probability = probabilities(states, demand, status)
-        cells = dict(zip(columns, store.copied_cells(number), strict=False)) if columns else {}
+        cells = dict(zip(columns, store.copied_cells(number), strict=False))
         equal = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
         yield BuildingDamage(
             number=number,
@@ -130,12 +124,12 @@ def building_damages(
             type=type_name,
             period=period,
             states=states,
-            keys=runs,
-            motion=pairs.indices_of((*row[8:], row[3]) for row in rows),
-            level=np.array([1.0 if row[9] is None else row[9] for row in rows]),
-            status=status,
+            keys=list(map(Run, records, scales, samples)),
+            motion=pairs.indices_of(zip(motion, level, samples, strict=True)),
+            level=np.array([1.0 if value is None else value for value in level]),
+            status=list(status),
             demand=demand,
-            probability=probability,
+            probability=probabilities(states, demand, status),
             sa=sa,
             pga=pga,
             equal=equal,

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import chain
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,15 +16,15 @@ from scipy.special import betainc
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
+from tdint.number_parsing import number_text
 from tdint.output.tables.runs import BUILDING_COLUMNS, SAMPLE
-from tdint.output.tables.table import TEXT, Column, cell_text, describe, names
+from tdint.output.tables.table import TEXT, Column, describe, elements_of, names, rows_of
 from tdint.studies.campaign.campaign_tables import (
     EVENT,
     StoreTable,
     copied_cells,
     copied_columns,
-    run_heads,
-    with_pair_demand,
+    suite_columns,
 )
 from tdint.studies.columns import declared
 from tdint.studies.fragility.building_damage import (
@@ -31,11 +33,14 @@ from tdint.studies.fragility.building_damage import (
     group_damages,
     stored_states,
 )
+from tdint.studies.store import schema
 from tdint.studies.store.result_store import Store
 from tdint.units import suffix
 
-_STATUS = Column.named("status", "status of the run", TEXT)
-(_STATE,) = declared("damage.state")
+_STATUS = Column(
+    "status", TEXT, lambda damage: np.array(damage.status, object), "status of the run"
+)
+(_STATE,) = declared("damage.state", state=lambda damage: np.array(damage.state, object))
 (TYPE,) = declared("damage.type")
 (LEVEL,) = declared("damage.level")
 COUNTS = declared("damage.counts")
@@ -89,44 +94,28 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
         Column(
             probability_name(name),
             "1",
-            "probability",
+            elements_of("probability", (slice(None), index)),
             f"probability of {name}; empty without a result",
         )
-        for name in states.outcomes
+        for index, name in enumerate(states.outcomes)
     )
     head = (*BUILDING_COLUMNS, SAMPLE, TYPE, _STATUS, demand_column(states), _STATE)
-    return (*head, *outcomes, *((LOSS,) if states.losses else ()))
+    return (*head, *outcomes, *((LOSS._replace(value="loss"),) if states.losses else ()))
 
 
 def damage_table(store: Store) -> StoreTable:
-    """Return damage.csv, the damage in each run of a campaign, followed by the columns of its
-    inventory."""
+    """Return damage.csv, the damage in each run of a campaign, in the order of runs.csv, followed
+    by the columns of its inventory."""
     columns = damage_columns(next(iter(stored_states(store).values())))
-    return StoreTable((*columns, *copied_columns(store, names(columns))), _damage_rows(store))
-
-
-def _damage_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of damage.csv: state and probabilities of each run, in the order of
-    runs.csv."""
-    name_cells, inventory_cells = run_heads(store), copied_cells(store)
-    for damage in building_damages(store):
-        type_name = cell_text(damage.type)
-        # A row of `values_of_runs` contains the probabilities of all outcomes of a run and, if
-        # there are losses, its loss ratio.
-        loss_columns = [damage.loss] if damage.states.losses else []
-        values_of_runs = np.column_stack([damage.probability, *loss_columns]).tolist()
-        cells_of_runs = zip(
-            damage.keys,
-            damage.status,
-            damage.demand.tolist(),
-            damage.state,
-            values_of_runs,
-            strict=True,
+    cells_of, of_runs = copied_cells(store), columns[len(BUILDING_COLUMNS) + 1 :]
+    results = (row for damage in building_damages(store) for row in rows_of(of_runs, damage))
+    rows = (
+        [*head, *result, *cells_of(building, sample)]
+        for (building, sample, *head), result in zip(
+            store.shown(schema.RUNS, (SAMPLE,)), results, strict=True
         )
-        for (record, scale, sample), status, demand, state, values in cells_of_runs:
-            results = [scale, sample, type_name, status, demand, state, *values]
-            copied = inventory_cells(damage.number, sample)
-            yield [*name_cells(damage.number, record), *results, *copied]
+    )
+    return StoreTable((*columns, *copied_columns(store, names(columns))), rows)
 
 
 def damage_summary(store: Store) -> dict[str, Any]:
@@ -150,7 +139,7 @@ def type_table(store: Store) -> StoreTable:
 
     The column of the event is included if the campaign has ground motion fields.
     """
-    columns = with_pair_demand(store, (*TYPES, *((EVENT,) if store.events() else ())))
+    columns = suite_columns(store, (*TYPES, *((EVENT,) if store.events() else ())))
     return StoreTable.of_results(columns, group_damages(store))
 
 
@@ -198,7 +187,7 @@ def loss_table(store: Store, by: str | None = None) -> StoreTable:
         group_damages(store, by=by) if by else (),
         group_damages(store, by_building=True),
     )
-    return StoreTable.of_results(with_pair_demand(store, columns), groups)
+    return StoreTable.of_results(suite_columns(store, columns), groups)
 
 
 def check_column(store: Store, by: str) -> None:
@@ -219,44 +208,33 @@ def exceedance_table(store: Store, by: str | None) -> StoreTable:
     The loss is an amount of money if the inventory has costs, otherwise a loss ratio. If `by` is
     the name of a column of the inventory, this column is included.
     """
-    loss = _MONEY[1] if has_costs(store) else LOSS
+    loss = (_MONEY[1] if has_costs(store) else LOSS)._replace(value="loss")
     group_meaning = f"column {by} of the inventory; empty for all buildings"
     rate, exceedance_rate, *annual_losses = declared("damage.exceedance")
-    table_columns = (
+    error = f"standard error of {loss.name} over the ground motions"
+    deviation = f"standard deviation of {loss.name} in the event"
+    scattered = (
+        "annual rate of exceedance of the loss, with its scatter in each event (beta distributions)"
+    )
+    columns = (
         *((Column(by, "text", "part", group_meaning),) if by else ()),
         LEVEL,
         EVENT,
         rate,
         loss,
-        Column(
-            f"{loss.name}_error",
-            "1",
-            "error",
-            f"standard error of {loss.name} over the ground motions",
-        ),
+        Column(f"{loss.name}_error", "1", "error", error),
         *(
-            Column(
-                f"{loss.name}_sd_{name}",
-                "1",
-                name,
-                f"standard deviation of {loss.name} in the event, {assumption}",
-            )
+            Column(f"{loss.name}_sd_{name}", "1", f"sd_{name}", f"{deviation}, {assumption}")
             for name, assumption in _CORRELATIONS
         ),
         exceedance_rate,
         *(
-            Column(
-                f"exceedance_rate_{name}",
-                "1",
-                name,
-                "annual rate of exceedance of the loss, with its scatter in each event (beta "
-                f"distributions), {assumption}",
-            )
+            Column(f"exceedance_rate_{name}", "1", f"rate_{name}", f"{scattered}, {assumption}")
             for name, assumption in _CORRELATIONS
         ),
         *annual_losses,
     )
-    return StoreTable(with_pair_demand(store, table_columns), _exceedance_rows(store, by))
+    return StoreTable.of_results(suite_columns(store, columns), _loss_curves(store, by))
 
 
 _CORRELATIONS = (
@@ -285,56 +263,109 @@ def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> A
     return np.asarray(np.where(is_certain, means >= loss, probability))
 
 
-def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
-    """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss. In
+def _loss_curves(store: Store, by: str | None) -> Iterator[SimpleNamespace]:
+    """Yield the loss curves of exceedance.csv: arrays over the events, by decreasing mean loss. In
     addition to the curve for all buildings, each value of the column `by` of the inventory has a
     curve.
     """
-    costs, demand = has_costs(store), store.pair_rule().demand_if_pairs
-    pair_demand = [demand] if demand else []
+    costs, rate_of_event = has_costs(store), store.rates()
     # There is a loss curve for each group of buildings and each level. Its points are the events;
     # events without a result are omitted.
-    curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
+    curves: dict[tuple[str, float], list[tuple[float, float, TypeDamage]]] = {}
     for group in chain(group_damages(store, by=""), group_damages(store, by=by) if by else ()):
-        mean_loss = float(group.mean_loss(costs=costs).value[0])
-        if not math.isnan(mean_loss):
+        mean, error = (float(values[0]) for values in group.mean_loss(costs=costs))
+        if not math.isnan(mean):
             key = group.inventory_entry, group.level
-            curves.setdefault(key, []).append((mean_loss, group))
-    rates = store.rates()
+            curves.setdefault(key, []).append((mean, error, group))
     for (inventory_entry, level), curve in curves.items():
-        curve.sort(key=lambda loss_and_event: -loss_and_event[0])
-        group_cell = [cell_text(inventory_entry)] if by else []
-        event_rates = np.array([rates[event.event] for _, event in curve])
-        means = np.array([mean_loss for mean_loss, _ in curve])
-        annual_losses = event_rates * means
-        deviations = np.array([event.scatter for _, event in curve]).T
+        means, errors, groups = zip(*sorted(curve, key=lambda item: -item[0]), strict=True)
+        loss, events = np.array(means), [group.event for group in groups]
+        rate = np.array([rate_of_event[event] for event in events])
         # The maximum loss is the loss in the most severe damage state. It is a divisor in
         # `_exceeding`. If the losses of all states are zero, mean and deviation are zero as well,
         # and every positive divisor gives the same result.
         maxima = np.array(
             [
-                (event.value if costs else 1.0) * (max(event.states.outcome_losses) or 1.0)
-                for _, event in curve
+                (group.value if costs else 1.0) * (max(group.states.outcome_losses) or 1.0)
+                for group in groups
             ]
         )
-        for index, (mean_loss, event) in enumerate(curve):
-            # The exceedance rate with the scatter is computed for independent and for fully
-            # correlated buildings. The events before this event have larger mean losses, so the
-            # rate of exceedance is the sum of the rates up to this event.
-            yield [
-                *group_cell,
-                level,
-                cell_text(event.event),
-                event_rates[index],
-                mean_loss,
-                float(event.mean_loss(costs=costs).error[0]),
-                *event.scatter,
-                float(np.sum(event_rates[: index + 1])),
-                *(
-                    float(event_rates @ _exceeding(mean_loss, means, sd, maxima))
-                    for sd in deviations
-                ),
-                annual_losses[index],
-                float(np.sum(annual_losses[: index + 1])),
-                *pair_demand,
-            ]
+        # The exceedance rate with the scatter is computed for independent and for fully correlated
+        # buildings.
+        scatter: dict[str, Array] = {}
+        deviations = np.array([group.scatter for group in groups]).T
+        for (name, _), sd in zip(_CORRELATIONS, deviations, strict=True):
+            exceeding = [rate @ _exceeding(mean, loss, sd, maxima) for mean in means]
+            scatter |= {f"sd_{name}": sd, f"rate_{name}": np.array(exceeding)}
+        yield SimpleNamespace(
+            part=inventory_entry,
+            level=level,
+            event=np.array(events, object),
+            rate=rate,
+            loss=loss,
+            error=np.array(errors),
+            exceedance=_cumulative(rate),
+            annual=rate * loss,
+            cumulative=_cumulative(rate * loss),
+            **scatter,
+        )
+
+
+def _cumulative(values: Array) -> Array:
+    """Return the sums of the first values: the events before an event have larger losses."""
+    return np.array([np.sum(values[:count]) for count in range(1, values.size + 1)])
+
+
+_MAX_HEADLINES = 3  # maximum number of events or levels with a separate headline
+
+
+def damage_headlines(store: Store) -> list[tuple[bool | None, str]]:
+    """Return the headlines on losses and damaged buildings, those of all buildings together: with
+    annual rates of the events their averages per year, otherwise the events or levels with the
+    largest losses."""
+    groups = [group for group in group_damages(store, by="") if group.runs > group.failed]
+    rates, costs = store.rates(), has_costs(store)
+
+    def loss_text(loss: float, per_year: str = "") -> str:
+        """Return a clause on a loss; empty without losses."""
+        amount = number_text(loss) if costs else f"{number_text(100.0 * loss)} % of the value"
+        return f"loss{per_year} {amount}" if loss == loss else ""
+
+    def damaged(group: TypeDamage) -> float:
+        """Return the mean number of damaged buildings."""
+        return group.buildings * (1.0 - float(group.probability.value[0]))
+
+    if rates:
+        totals: dict[float, list[float]] = defaultdict(lambda: [0.0, 0.0])
+        for group in groups:
+            loss = float(group.mean_loss(costs=costs).value[0])
+            totals[group.level][0] += rates[group.event] * loss
+            totals[group.level][1] += rates[group.event] * damaged(group)
+        texts = [
+            ", ".join(
+                filter(
+                    None,
+                    [
+                        loss_text(loss, " per year"),
+                        f"{number_text(count)} damaged buildings per year on average",
+                    ],
+                )
+            )
+            for loss, count in totals.values()
+        ]
+    else:
+        groups.sort(key=lambda group: -damaged(group))
+        texts = []
+        for group in groups[:_MAX_HEADLINES]:
+            loss = float(group.mean_loss(costs=costs).value[0])
+            ratio = float(group.loss.value[0])
+            parts = [loss_text(loss)]
+            if costs and ratio == ratio:
+                parts.append(f"loss ratio {number_text(100.0 * ratio)} %")
+            count = f"{number_text(damaged(group))} of {number_text(group.buildings)}"
+            parts.append(f"{count} buildings damaged")
+            several = len(groups) > 1
+            name = group.event or (f"level {number_text(group.level)}" if several else "")
+            text = ", ".join(filter(None, parts))
+            texts.append(f"{name}: {text}" if name else text)
+    return [(None, f"{text[0].upper()}{text[1:]}.") for text in texts]

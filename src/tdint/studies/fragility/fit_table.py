@@ -33,6 +33,7 @@ from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_file, is_folder
 from tdint.fractiles import expected_deviation
 from tdint.model.damage_states import DamageStates
+from tdint.model.status import DONE, FALLEN, NO_RESULT
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
@@ -54,7 +55,6 @@ from tdint.studies.fragility.fragility_function import (
 from tdint.studies.motions import pairs
 from tdint.studies.store.opening import check_chunks, open_existing
 from tdint.tabular import Tabular
-from tdint.units import ACCELERATION, suffix
 
 NEEDS = (
     "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or "
@@ -335,7 +335,9 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         # `beside_counts` removes the covariance if few records exceed, if nearly all exceed, or if
         # the median is outside the levels. In the last case, stripes keep the covariance.
         if SELDOM <= fraction <= 1.0 - SELDOM:
-            return replace(with_counts, covariance=function.covariance)
+            return replace(
+                with_counts, covariance=function.covariance, error_method=function.error_method
+            )
         return with_counts
 
     return FragilityResult.of(_by_threshold(table, request, fit))
@@ -437,18 +439,30 @@ def _fit_capacity_rows(
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit functions to a table with the columns `im`, `edp` and optionally `censored`, one for each
-    requested threshold."""
-    im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
+    """Fit functions to a table with the columns `im`, `edp` and optionally `censored`, `collapsed`
+    and `status`, one for each requested threshold. Collapses and failed runs have no demand."""
+    im = np.array(table.numbers("im", positive=True))
+    outcome = np.where(table.truths("collapsed"), pairs.COLLAPSED, pairs.COMPLETED)
+    if table.has("status"):
+        statuses = [text.lower() for text in table.texts("status")]
+        known = (DONE, *FALLEN, *NO_RESULT)
+        table.check("status", np.isin(statuses, known), f"must be one of {', '.join(known)}")
+        outcome = np.maximum(outcome, pairs.outcomes_of(statuses))
+    edp = np.array(table.numbers("edp", empty=True))
+    is_valid = (edp > 0.0) | (outcome != pairs.COMPLETED)
+    table.check("edp", is_valid, "must be a positive number unless the run collapsed or failed")
     names = (table.only("im_name"), table.only("unit"))
     censored = np.array(table.truths("censored"))
-    runs = SuiteRuns(
-        im, edp, measures.motions_if_known(table), np.ones(im.size), names, censored=censored
+    demand = pairs.with_outcomes(edp, outcome)
+    runs = measures.SuiteRuns(
+        im, demand, measures.motions_if_known(table), np.ones(im.size), names, censored=censored
     )
     return _fit_thresholds(table, runs, replace(request, fit=CLOUD))
 
 
-def _fit_thresholds(table: CsvTable, runs: SuiteRuns, request: FragilityRequest) -> FragilityResult:
+def _fit_thresholds(
+    table: CsvTable, runs: measures.SuiteRuns, request: FragilityRequest
+) -> FragilityResult:
     """Fit functions for the requested thresholds; UsageError is raised if none is requested."""
     if not request.thresholds:
         raise UsageError(f"{table.source}: a demand threshold is required; specify --threshold")
@@ -470,7 +484,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     ModelError
         The table contains several buildings, or no run has a result.
     """
-    runs, rule = _suite_runs(table, request)
+    runs, rule = measures.suite_runs(table, request.measure, request.pair_demand)
     result = _fit_thresholds(table, runs, request)
     functions = tuple(
         replace(function, pair_demand=rule.demand_if_pairs) for function in result.functions
@@ -503,109 +517,11 @@ def notes_of_fits(
     )
 
 
-def _suite_runs(table: CsvTable, request: FragilityRequest) -> tuple[SuiteRuns, pairs.PairRule]:
-    """Return the runs of a table of runs of one building, with the components of pairs combined,
-    and the rule for pairs."""
-    try:
-        table.only("building")
-    except ModelError as error:
-        raise ModelError(
-            f"{error}, or fit functions of a campaign's directory: of each building with --by "
-            "building, or of all variations of a model together with --by type"
-        ) from None
-    column, *names = _intensity_column(table, request)
-    im = np.array(table.numbers(column, empty=True))
-    rule, motion_at_level = measures.motion_of_rows(table, request.pair_demand)
-    # The columns `im` and `level` contain the intensity of the pair already.
-    if column not in ("im", measures.LEVEL):
-        im = measures.combine_pair_intensities(table, im)
-    firsts = pairs.first_runs(motion_at_level)
-    drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    demand = pairs.with_outcomes(
-        pairs.demands_of_motions(motion_at_level, drift, rule.demand),
-        pairs.outcomes_of_motions(motion_at_level, pairs.outcomes_of(table.texts("status"))),
-    )
-    demand[~(demand > 0.0)] = math.nan  # runs without a drift ratio have no result
-    has_intensity = im[firsts] > 0.0
-    runs = SuiteRuns(
-        im[firsts][has_intensity],
-        demand[has_intensity],
-        measures.motions_of(table)[firsts][has_intensity],
-        np.ones(int(np.sum(has_intensity))),
-        (names[0], names[1]),
-        has_levels=column == measures.LEVEL,
-    )
-    if np.isnan(runs.demand).all():
-        raise ModelError(
-            f"{table.source}: no run has both an intensity and a result; at least one "
-            "completed run is required, and load cases (key `forces` of a campaign) have no "
-            "intensity"
-        )
-    return runs, rule
-
-
-def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
-    """Return the title of the column with the intensities of runs, the name of the intensity
-    measure, for example `sa(0.5)`, and the unit.
-
-    Without a requested measure, it is the column `im` of the table if it exists, then the level of
-    the campaign, otherwise Sa(T1). UsageError is raised if the table has no column of the requested
-    measure.
-    """
-    if request.measure is None and table.has("im"):
-        return "im", table.only("im_name"), table.only("unit")
-    with measures.store_of_table(table) as store:
-        measure = measures.measure_of_campaign(store, request.measure)
-        periods = dict(store.first_periods()) if store is not None else {}
-    name = measure.label(periods.get(table.only("building")))
-    if measure.column == measures.LEVEL and table.has(measures.LEVEL):
-        return measures.LEVEL, name, measure.unit
-    has_column = any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION)
-    if request.measure is None and not has_column:
-        # The column of Sa(T1) is missing. Return its usual title, so that the caller's attempt to
-        # read the column raises an error with this title.
-        return f"{measure.column}{suffix('m/s^2')}", name, "m/s^2"
-    column, unit = measures.column_of(table, measure.column)
-    return column, name, unit
-
-
-@dataclass(frozen=True)
-class SuiteRuns:
-    """Runs of a group, the buildings of a type or a single building: one entry for each building,
-    ground motion and level. All arrays have the shape (n,).
-
-    Attributes
-    ----------
-    im : ndarray
-        Intensities in `names[1]`.
-    demand : ndarray
-        Demand of the damage states; infinity is a collapse, NaN a run without a result.
-    motion : ndarray of int | None
-        Ground motion, or event of ground motion fields; None if unknown.
-    weight : ndarray
-        Number of equal buildings.
-    names : tuple of str
-        Name and unit of the intensity measure.
-    has_levels : bool
-        True if the intensities are the levels of a campaign: a cloud must then be requested.
-    censored : ndarray of bool | None
-        True for demands known only to be above their value; None if all are known.
-    draw : ndarray of int | None
-        Draw of the properties of the buildings; None without draws.
-    """
-
-    im: Array
-    demand: Array
-    motion: NDArray[np.intp] | None
-    weight: Array
-    names: tuple[str, str]
-    has_levels: bool = False
-    censored: NDArray[np.bool_] | None = None
-    draw: NDArray[np.intp] | None = None
-
-
 def fit_states(
-    runs: SuiteRuns, states: Mapping[str, float], request: FragilityRequest, dispersion: float = 0.0
+    runs: measures.SuiteRuns,
+    states: Mapping[str, float],
+    request: FragilityRequest,
+    dispersion: float = 0.0,
 ) -> list[Fragility | AnalysisError]:
     """Fit a fragility function for each damage state (or threshold) of a group of runs.
 
@@ -705,7 +621,10 @@ def fit_states(
 
 
 def _bounds(
-    runs: SuiteRuns, level: NDArray[np.intp], exceeding: Array, has_result: NDArray[np.bool_]
+    runs: measures.SuiteRuns,
+    level: NDArray[np.intp],
+    exceeding: Array,
+    has_result: NDArray[np.bool_],
 ) -> tuple[Fragility | None, Fragility | None]:
     """Return two fits to stripes as bounds for runs without a result: the first counts these runs
     as exceedances; the second counts them as runs that do not exceed."""
@@ -849,8 +768,10 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         states = collectors[name].states
         runs = collectors[name].runs(measure, intensities.unit)
         medians = dict(zip(states.states, states.medians, strict=True))
+        # The last loss ratio is that of a collapse, which has no function of its own.
+        increments = np.diff(states.losses[:-1] or [math.nan] * len(medians), prepend=0.0)
         state_fits = fit_states(runs, medians, request, states.dispersion)
-        for state, fit in zip(medians, state_fits, strict=True):
+        for state, increment, fit in zip(medians, increments.tolist(), state_fits, strict=True):
             if isinstance(fit, AnalysisError):
                 fits.append(AnalysisError(f"{name}, {fit}"))
                 continue
@@ -859,6 +780,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
                     fit,
                     type=name,
                     state=state,
+                    loss_increment=increment,
                     modeling_dispersion=request.modeling_dispersion,
                     pair_demand=rule.demand_if_pairs,
                 )
@@ -959,7 +881,7 @@ class _RunCollector:
         shortest, longest = self.periods
         self.periods = min(shortest, damage.period), max(longest, damage.period)
 
-    def runs(self, measure: measures.RunMeasure, unit: str) -> SuiteRuns:
+    def runs(self, measure: measures.RunMeasure, unit: str) -> measures.SuiteRuns:
         """Return all collected runs as arrays.
 
         `measure` is the intensity measure. Its name in the result contains the first period if all
@@ -970,7 +892,7 @@ class _RunCollector:
         im, demand, motion, weight, draw = (
             np.frombuffer(column, column.typecode) for column in self.columns
         )
-        return SuiteRuns(
+        return measures.SuiteRuns(
             im,
             demand,
             motion,

@@ -7,7 +7,7 @@ logistic probability of collapse (Jalayer and Cornell 2009; Jalayer et al. 2017)
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -46,8 +46,13 @@ class CollapseCloud(NamedTuple):
         with np.errstate(divide="ignore"):  # intensity 0
             return np.asarray(expit(self.a0 + self.a1 * np.log(im)))
 
-    def exceedance(self, limit: float, im: Array) -> Array:
-        """Return the probability that the demand exceeds a limit at intensities."""
+    def exceedance(self, limit: float, im: Array, dispersion: float = 0.0) -> Array:
+        """Return the probability that the demand exceeds a limit at intensities, averaged over a
+        lognormal modeling factor of the intensity with this dispersion."""
+        if dispersion:
+            with np.errstate(divide="ignore"):
+                ln_im = np.log(im)
+            return modeling_average(lambda x: self.exceedance(limit, np.exp(x)), ln_im, dispersion)
         collapse = self.collapse_probability(im)
         with np.errstate(divide="ignore"):
             z = (self.b0 + self.b1 * np.log(im) - math.log(limit)) / self.sigma
@@ -76,6 +81,26 @@ class CollapseCloud(NamedTuple):
         """Return the parameters for intensities that are multiplied by a factor."""
         logarithm = math.log(factor)
         return self._replace(b0=self.b0 - self.b1 * logarithm, a0=self.a0 - self.a1 * logarithm)
+
+
+_DEVIATIONS = np.linspace(-10.0, 10.0, 81)
+"""Standard normal deviations of the modeling factor, at a distance that integrates probabilities
+within 1e-9 unless they rise within a tenth of the dispersion."""
+
+_WEIGHTS = np.exp(-0.5 * _DEVIATIONS**2) / np.sum(np.exp(-0.5 * _DEVIATIONS**2))
+
+
+def modeling_average(
+    probability: Callable[[Array], Array], ln_im: Array, dispersion: float
+) -> Array:
+    """Return the mean of a probability at ln_im + dispersion Z, where Z is a standard normal
+    variable: the collapses of a cloud remain in it. Without dispersion it is the probability."""
+    return np.asarray(
+        sum(
+            weight * probability(ln_im + dispersion * deviation)
+            for weight, deviation in zip(_WEIGHTS, _DEVIATIONS, strict=True)
+        )
+    )
 
 
 def collapse_line(im: Array, collapsed: NDArray[np.bool_], weight: Array) -> tuple[float, float]:
@@ -119,6 +144,9 @@ normal distribution of the logarithms, beta / sqrt(n) and beta / sqrt(2 n)."""
 
 FITS = (STRIPES, IDA, CLOUD)
 """Names of the available fits."""
+
+GIVEN = "given"
+"""Fit of a function whose median and dispersion are given."""
 
 _MOST_NAMES = 10
 """Maximum number of names of functions in a message, so that the message stays readable."""
@@ -264,6 +292,12 @@ class Risk:
         """Fraction of the frequency from intensities outside the points of the curve."""
         return (self.frequency_below + self.frequency_above) / self.annual_frequency
 
+    @property
+    def uncertainty_outside(self) -> float:
+        """Largest change of the frequency by another continuation of the curve, as a fraction of
+        the frequency. A part above the curve where the probability is 1 is known."""
+        return (self.above_high - self.above_low + self.frequency_below) / self.annual_frequency
+
     def in_units(self, factor: float) -> Risk:
         """Return the values for intensities that are multiplied by a factor."""
         return replace(
@@ -343,6 +377,10 @@ class Fragility(Described):
     error_method : str
         Method of the standard errors: `jackknife`, `information` or `normal`; empty if they are
         unknown.
+    loss_increment : float
+        Loss ratio of the damage state minus that of the state before it; nan without losses.
+    annual_loss : float
+        Expected annual loss ratio of the building type by a hazard curve; nan if it is unknown.
     beta_within, beta_between : float
         Root mean square of the beta of each draw of the properties, and standard deviation of the
         logarithm of its theta; nan without draws, or if a draw alone determines no function.
@@ -376,6 +414,8 @@ class Fragility(Described):
     pair_demand: str = ""
     motions: int = 0
     error_method: str = ""
+    loss_increment: float = math.nan
+    annual_loss: float = math.nan
     beta_within: float = math.nan
     beta_between: float = math.nan
     points: Points | None = field(default=None, repr=False)
@@ -434,19 +474,20 @@ class Fragility(Described):
         return math.hypot(self.beta, self.modeling_dispersion)
 
     def probability(self, im: Array | float, *, total: bool = False) -> Array:
-        """Return the probability of exceedance, Phi(ln(im / theta) / beta), at intensities. With
-        collapses in a cloud it is the mixture, unless `total` includes a modeling dispersion.
+        """Return the probability of exceedance, Phi(ln(im / theta) / beta), at intensities; with
+        collapses in a cloud, the mixture.
 
         Parameters
         ----------
         im : ndarray or float
             Intensities, in the unit of theta.
         total : bool
-            True to use the total dispersion `beta_total` instead of `beta`; default False.
+            True to include the modeling dispersion; default False.
         """
         mixture = self.cloud and self.cloud.mixture
-        if mixture and not (total and self.modeling_dispersion):
-            return mixture.exceedance(self.threshold, np.asarray(im))
+        if mixture:
+            modeling = self.modeling_dispersion if total else 0.0
+            return mixture.exceedance(self.threshold, np.asarray(im), modeling)
         with np.errstate(divide="ignore"):  # zero at the intensity 0, with the logarithm -inf
             logarithm = np.log(im / self.theta)
         return np.asarray(ndtr(logarithm / (self.beta_total if total else self.beta)))

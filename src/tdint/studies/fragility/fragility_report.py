@@ -97,6 +97,17 @@ def fragility_page(
     verdict: list[tuple[bool | None, str]] = []
     if len(functions) <= MOST_THRESHOLDS:
         verdict = [(None, _median_text(function)) for function in functions]
+    elif functions[0].risk:
+        frequencies = [item.risk.annual_frequency for item in functions if item.risk]
+        low, high = number_text(min(frequencies), 4), number_text(max(frequencies), 4)
+        verdict = [(None, f"Annual frequencies of exceedance from {low} to {high}.")]
+    losses = dict.fromkeys(
+        (item.type, item.annual_loss) for item in functions if item.annual_loss >= 0.0
+    )
+    verdict += [
+        (None, f"{name}: expected annual loss {number_text(100.0 * loss, 3)} % of the value.")
+        for name, loss in [*losses][:MOST_THRESHOLDS]
+    ]
     # The damage of functions without initial damage is nan.
     damages = {function.damage for function in functions if function.damage >= 0.0}
     fitted = fit_table_of(functions, damaged=len(damages) > 1)
@@ -143,7 +154,11 @@ def _median_text(function: Fragility) -> str:
         text += f" (95 %: {low} to {high}{unit})"
     elif function.extrapolated:
         text += " (extrapolated)"
-    text = f"{text}, beta {number_text(function.beta, 3)}."
+    text = f"{text}, beta {number_text(function.beta, 3)}"
+    for risk, name in ((function.risk, ""), (function.total_risk, " with the modeling dispersion")):
+        if risk is not None:
+            text += f"; annual frequency{name} {number_text(risk.annual_frequency, 4)}"
+    text = f"{text}."
     return f"{text[0].upper()}{text[1:]}"
 
 

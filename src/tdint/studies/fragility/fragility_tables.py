@@ -10,7 +10,7 @@ import numpy as np
 
 from tdint.output.tables.table import PAIR_DEMAND, TEXT, Column, Table
 from tdint.studies.columns import declared
-from tdint.studies.fragility.fragility_function import BINS, Fragility
+from tdint.studies.fragility.fragility_function import Fragility
 from tdint.studies.fragility.measures import MeasureFit
 from tdint.studies.ida.ida_tables import DAMAGE
 
@@ -71,20 +71,16 @@ FAILED = (
 )
 """Columns of fits where some runs have no result."""
 
-_COUNTS = declared("fragility.counts")
-"""Columns of a bin. The names and meanings contain its number, from 1."""
-
-COUNTED = tuple(
+COUNTED = (
     Column(
-        column.name.format(bin_index + 1),
-        column.unit,
-        _value_of(f"counted.{column.value}", bin_index),
-        column.meaning.format(bin_index + 1),
-    )
-    for bin_index in range(BINS)
-    for column in _COUNTS
+        "bin",
+        "1",
+        lambda function: 1.0 + np.arange(function.counted.im.size),
+        "bin of the intensity, from the lowest",
+    ),
+    *declared("fragility.counts"),
 )
-"""Last columns: counts in bins of the intensity."""
+"""Columns of the counts in bins of the intensity, a table of their own."""
 
 DRAWS = declared("fragility.draws")
 """Columns of functions of several draws of the properties of a building."""
@@ -92,8 +88,12 @@ DRAWS = declared("fragility.draws")
 (FRAGILITY_TOTAL,) = declared("fragility.fragility_total")
 
 _RISK = declared("fragility.risk")
+_TARGETS = ("risk_targeted_theta", "risk_targeted_im")
 RISK = (*_RISK, *declared("fragility.risk-outside"))
 """Columns of the annual frequency by a hazard curve; frequencies in 1/year."""
+
+ANNUAL_LOSS = declared("fragility.annual_loss")
+"""Column of the expected annual loss."""
 
 RISK_TOTAL = tuple(
     column._replace(
@@ -116,8 +116,8 @@ def fragility_table(
 ) -> Table:
     """Return the table of fragility functions, with a row per function.
 
-    The columns of the regression line, of failed runs and of the counts in bins are omitted if no
-    function has these values.
+    The columns of the regression line and of failed runs are omitted if no function has these
+    values. The risk target, which depends on the curve alone, is in the first row.
 
     Parameters
     ----------
@@ -129,7 +129,6 @@ def fragility_table(
     has_damage = any(not math.isnan(function.damage) for function in functions)
     # The fits of functions by type have no bounds for failed runs.
     has_failed_runs = any(function.failed and not function.type for function in functions)
-    bin_counts = [function.counted.im.size for function in functions if function.counted]
     columns = [
         *(states if any(function.type for function in functions) else ()),
         *((FRAGILITY_DAMAGE,) if has_damage else ()),
@@ -140,11 +139,26 @@ def fragility_table(
         *((FRAGILITY_TOTAL,) if total else ()),
         *(_of("risk", RISK) if functions[0].risk else ()),
         *(_of("total_risk", RISK_TOTAL) if functions[0].total_risk else ()),
-        # Each bin has len(_COUNTS) columns; bins that no function has are omitted.
-        *COUNTED[: len(_COUNTS) * max(bin_counts, default=0)],
+        *(ANNUAL_LOSS if any(function.annual_loss >= 0.0 for function in functions) else ()),
         *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),
     ]
-    return Table.of_results(columns, functions)
+    table = Table.of_results(columns, functions)
+    indices = {table.columns.index(name) for name in _TARGETS if name in table.columns}
+    repeated = [
+        tuple(None if index in indices else cell for index, cell in enumerate(row))
+        for row in table.rows[1:]
+    ]
+    return table._replace(rows=[*table.rows[:1], *repeated])
+
+
+def counts_table(
+    functions: Sequence[Fragility], states: Sequence[Column] = FRAGILITY_STATES
+) -> Table:
+    """Return the counts of exceedances in bins of the intensity, with a row per function and bin.
+    `states` is as for `fragility_table`."""
+    head = states if any(function.type for function in functions) else ()
+    counted = [function for function in functions if function.counted]
+    return Table.of_results((*head, FRAGILITY[0], *COUNTED), counted)
 
 
 def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Table:

@@ -22,7 +22,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -36,7 +36,6 @@ from tdint.files import is_file
 from tdint.grids import Grid, parse_grid
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
-from tdint.model.status import DONE
 from tdint.number_parsing import parse_ratio
 from tdint.output.tables.table import Cell
 from tdint.response.spectra.elastic import SA_DAMPING, spectrum
@@ -52,9 +51,14 @@ from tdint.studies.motions.pairs import (
     SEPARATE,
     Indices,
     PairRule,
+    demands_of_motions,
+    first_runs,
     geometric_means,
     indices_of,
+    outcomes_of,
+    outcomes_of_motions,
     recording_numbers,
+    with_outcomes,
 )
 from tdint.studies.store.opening import open_existing
 from tdint.studies.store.result_store import FILE, Store
@@ -722,6 +726,127 @@ def motions_if_known(table: CsvTable) -> NDArray[np.intp] | None:
     return motions_of(table) if table.has("event") or table.has("record") else None
 
 
+# ---- Runs of a building or of a type
+
+
+@dataclass(frozen=True)
+class SuiteRuns:
+    """Runs of a group, the buildings of a type or a single building: one entry for each building,
+    ground motion and level. All arrays have the shape (n,).
+
+    Attributes
+    ----------
+    im : ndarray
+        Intensities in `names[1]`.
+    demand : ndarray
+        Demand of the damage states; infinity is a collapse, NaN a run without a result.
+    motion : ndarray of int | None
+        Ground motion, or event of ground motion fields; None if unknown.
+    weight : ndarray
+        Number of equal buildings.
+    names : tuple of str
+        Name and unit of the intensity measure.
+    has_levels : bool
+        True if the intensities are the levels of a campaign: a cloud must then be requested.
+    censored : ndarray of bool | None
+        True for demands known only to be above their value; None if all are known.
+    draw : ndarray of int | None
+        Draw of the properties of the buildings; None without draws.
+    """
+
+    im: Array
+    demand: Array
+    motion: NDArray[np.intp] | None
+    weight: Array
+    names: tuple[str, str]
+    has_levels: bool = False
+    censored: NDArray[np.bool_] | None = None
+    draw: NDArray[np.intp] | None = None
+
+
+def suite_runs(
+    table: CsvTable, measure: str | None, pair_demand: str | None
+) -> tuple[SuiteRuns, PairRule]:
+    """Return the runs of a table of runs of one building, with the components of pairs combined,
+    and the rule for
+
+    Parameters
+    ----------
+    measure : str | None
+        Requested intensity measure, or its column without the unit (`_intensity_column`).
+    pair_demand : str | None
+        Requested rule for pairs (`motion_of_rows`).
+
+    Raises
+    ------
+    ModelError
+        The table contains several buildings, or no run has an intensity and a result.
+    UsageError
+        The table does not contain the measure.
+    """
+    try:
+        table.only("building")
+    except ModelError as error:
+        raise ModelError(
+            f"{error}, or fit functions of a campaign's directory: of each building with --by "
+            "building, or of all variations of a model together with --by type"
+        ) from None
+    column, *names = _intensity_column(table, measure)
+    im = np.array(table.numbers(column, empty=True))
+    rule, motion_at_level = motion_of_rows(table, pair_demand)
+    # The columns `im` and `level` contain the intensity of the pair already.
+    if column not in ("im", LEVEL):
+        im = combine_pair_intensities(table, im)
+    firsts = first_runs(motion_at_level)
+    drift = np.array(table.numbers("peak_drift_ratio", empty=True))
+    demand = with_outcomes(
+        demands_of_motions(motion_at_level, drift, rule.demand),
+        outcomes_of_motions(motion_at_level, outcomes_of(table.texts("status"))),
+    )
+    demand[~(demand > 0.0)] = math.nan  # runs without a drift ratio have no result
+    has_intensity = im[firsts] > 0.0
+    runs = SuiteRuns(
+        im[firsts][has_intensity],
+        demand[has_intensity],
+        motions_of(table)[firsts][has_intensity],
+        np.ones(int(np.sum(has_intensity))),
+        (names[0], names[1]),
+        has_levels=column == LEVEL,
+    )
+    if np.isnan(runs.demand).all():
+        raise ModelError(
+            f"{table.source}: no run has both an intensity and a result; at least one "
+            "completed run is required, and load cases (key `forces` of a campaign) have no "
+            "intensity"
+        )
+    return runs, rule
+
+
+def _intensity_column(table: CsvTable, requested: str | None) -> tuple[str, str, str]:
+    """Return the title of the column with the intensities of runs, the name of the intensity
+    measure, for example `sa(0.5)`, and the unit.
+
+    Without a requested measure, it is the column `im` of the table if it exists, then the level of
+    the campaign, otherwise Sa(T1). UsageError is raised if the table has no column of the requested
+    measure.
+    """
+    if requested is None and table.has("im"):
+        return "im", table.only("im_name"), table.only("unit")
+    with store_of_table(table) as store:
+        measure = measure_of_campaign(store, requested)
+        periods = dict(store.first_periods()) if store is not None else {}
+    name = measure.label(periods.get(table.only("building")))
+    if measure.column == LEVEL and table.has(LEVEL):
+        return LEVEL, name, measure.unit
+    has_column = any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION)
+    if requested is None and not has_column:
+        # The column of Sa(T1) is missing. Return its usual title, so that the caller's attempt to
+        # read the column raises an error with this title.
+        return f"{measure.column}{suffix('m/s^2')}", name, "m/s^2"
+    column, unit = column_of(table, measure.column)
+    return column, name, unit
+
+
 # ---- Comparison of intensity measures by their efficiency
 
 _MIN_RUNS = 3  # minimum number of runs for a line with a dispersion
@@ -737,11 +862,13 @@ class MeasureFit:
     im, unit : str
         Name of the measure as requested, and its unit in the table.
     runs, left_out : int
-        Number of runs used for the line, and number of omitted runs, which collapsed or have no
-        result or no measure.
+        Number of motions used for the line, and number of omitted motions, which collapsed or have
+        no result or no measure.
     slope, slope_error, beta, r_squared : float
         Slope with its standard error, standard deviation about the line (n - 2), and squared
         correlation.
+    rule : PairRule
+        Rule that combines the components of pairs.
     """
 
     im: str
@@ -752,6 +879,7 @@ class MeasureFit:
     slope_error: float
     beta: float
     r_squared: float
+    rule: PairRule = field(default_factory=PairRule)
 
     @property
     def proficiency(self) -> float:
@@ -760,14 +888,19 @@ class MeasureFit:
         return self.beta / self.slope if self.slope else math.inf
 
 
-def compare_measures(folder: str | Path, measures: Sequence[str]) -> list[MeasureFit]:
-    """Compare intensity measures for the runs of a campaign, in ascending order of beta.
+def compare_measures(
+    folder: str | Path, measures: Sequence[str], pair_demand: str | None = None
+) -> list[MeasureFit]:
+    """Compare intensity measures for the runs of a campaign, in ascending order of beta: the
+    motions, intensities and demands of each measure are those of its single fit (`suite_runs`).
 
     Parameters
     ----------
     folder : str or Path
         Directory of a campaign of one building, with runs.csv. Measures other than `sa` and `pga`
         require measures.csv.
+    pair_demand : str, optional
+        Rule for pairs; by default that of the campaign.
 
     Returns
     -------
@@ -776,31 +909,25 @@ def compare_measures(folder: str | Path, measures: Sequence[str]) -> list[Measur
 
     Raises
     ------
-    UsageError
-        A measure is unknown or was not computed for these runs.
-    ModelError
-        A table cannot be read, contains several buildings, or does not contain a record.
+    UsageError, ModelError
+        As by `suite_runs`.
     AnalysisError
         Fewer than three runs were completed, or a measure is equal for all runs.
     """
     table = with_measures(
         read_table(str(Path(folder) / "runs.csv"), "the runs of a campaign are a table")
     )
-    table.only("building")
-    status = np.array(table.texts("status"))
-    drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    # Runs without collapse: a maximum drift that can be used for a line.
-    has_drift = (status == DONE) & (drift > 0.0)
-    motions = motions_of(table)
+    motion_count = first_runs(motion_of_rows(table, pair_demand)[1]).size
     fits = []
     for name in dict.fromkeys(measures):
-        column, unit = column_of(table, run_measure(name).column)
-        im = combine_pair_intensities(table, np.array(table.numbers(column, empty=True)))
-        # A measure may be unknown for some runs, for example Sa at a period that is too short for
-        # the record.
-        is_used = has_drift & (im > 0.0)
-        fit = line(np.log(im[is_used]), np.log(drift[is_used]), name, motions[is_used])
-        fits.append(replace(fit, im=name, unit=unit, left_out=int(np.sum(~is_used))))
+        runs, rule = suite_runs(table, name, pair_demand)
+        assert runs.motion is not None
+        is_used = np.isfinite(runs.demand)
+        fit = line(
+            np.log(runs.im[is_used]), np.log(runs.demand[is_used]), name, runs.motion[is_used]
+        )
+        left_out = int(motion_count - np.sum(is_used))
+        fits.append(replace(fit, im=name, unit=runs.names[1], left_out=left_out, rule=rule))
     return sorted(fits, key=lambda fit: fit.beta)
 
 

@@ -137,6 +137,8 @@ class IdaStudy(Tabular):
     limits : tuple of Limit
         Limits of attachments and links in the model, for which capacities of the undamaged building
         are reported, in the order of `IdaRun.limit_ratios`.
+    mainshocks : tuple of (str, float, float)
+        Name of each mainshock, drift ratio that it causes, and its scale factor.
     """
 
     model: Model
@@ -151,6 +153,7 @@ class IdaStudy(Tabular):
     pair_demand: str = pairs.LARGER
     partners: Mapping[int, int] = field(default_factory=dict)
     limits: tuple[Limit, ...] = ()
+    mainshocks: tuple[tuple[str, float, float], ...] = ()
 
     def _headline(self) -> str:
         """Return the building, number of records, intensity measure and method."""
@@ -374,6 +377,14 @@ def ida(
         pair_demand=pair_demand,
         partners=_partners(motions_and_records),
         limits=limits,
+        mainshocks=tuple(
+            dict.fromkeys(
+                (state.record.name, state.drift, state.factor)
+                for before_records in states
+                for state in before_records
+                if state is not None
+            )
+        ),
     )
 
 

@@ -614,8 +614,8 @@ class DamagedState:
     ----------
     record : Record
         Scaled mainshock.
-    drift : float
-        Drift ratio that the scaled mainshock causes.
+    drift, factor : float
+        Drift ratio that the scaled mainshock causes, and its scale factor.
     rest : float
         Time from the last sample of the mainshock until free vibration has decayed, s.
     """
@@ -624,6 +624,7 @@ class DamagedState:
     drift: float
     residual_drift_ratio: float
     rest: float
+    factor: float = 1.0
 
 
 def damaged(
@@ -662,7 +663,8 @@ def damaged(
     single_case = case.under(single_event.joined)
     steps = single_case.steps(dt, scaled.duration + rest)
     (event,) = event_responses(single_case, single_event, steps)
-    return DamagedState(scaled, drift, demands(event.stories).residual_drift_ratio.value, rest)
+    residual = demands(event.stories).residual_drift_ratio.value
+    return DamagedState(scaled, drift, residual, rest, factor)
 
 
 def _factor_for_drift(

@@ -26,14 +26,16 @@ from tdint.response.spectra.rotated import rotated_spectrum
 
 GEOMETRIC_MEAN = "geometric-mean"
 LARGER_COMPONENT = "larger"
+SRSS = "srss"
 PAIRS: dict[str, int | None] = {
     GEOMETRIC_MEAN: None,
     "rotd50": 50,
     "rotd100": 100,
     LARGER_COMPONENT: None,
+    SRSS: None,
 }
 """Combinations of the components of a pair: percentile over all directions, or None for the
-geometric mean or the larger value of both components."""
+geometric mean, the larger value, or the square root of the sum of squares of both components."""
 
 AVERAGE = Grid(0.2, 3.0, 50)
 """Default multiples of the period over which Sa is averaged (Eads et al. 2015)."""
@@ -244,7 +246,7 @@ def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageErr
 
 def percentile_of(pair: str) -> int | None:
     """Return the percentile over all directions for a name of `PAIRS`: 50 for `rotd50`, 100 for
-    `rotd100`, None for the geometric mean and the larger component.
+    `rotd100`, None for combinations of the values of both components.
 
     Raises
     ------
@@ -293,8 +295,10 @@ def pseudo_accelerations(
 
 
 def _of_components(first: Array, second: Array, pair: str) -> Array:
-    """Return the larger, or the geometric mean, of the values of two components."""
-    return np.maximum(first, second) if pair == LARGER_COMPONENT else np.sqrt(first * second)
+    """Return the combination of the values of two components (`PAIRS`)."""
+    if pair == LARGER_COMPONENT:
+        return np.maximum(first, second)
+    return np.hypot(first, second) if pair == SRSS else np.sqrt(first * second)
 
 
 def check_period(period: float) -> None:

@@ -101,6 +101,8 @@ class Scaling(Tabular):
         limit.
     unselected_spectra : ndarray, shape (m, k), or None
         For a selection: scaled spectra at `periods` of the motions that were not selected, m/s^2.
+    target_std : ndarray, shape (k,), or None
+        For a selection: target standard deviation of ln Sa at `periods`.
     """
 
     motions: tuple[GroundMotion, ...]
@@ -119,6 +121,7 @@ class Scaling(Tabular):
     events: tuple[str, ...] = ()
     limits: tuple[float, float] = (0.0, math.inf)
     others_at_limit: int = 0
+    target_std: Array | None = None
 
     def _headline(self) -> str:
         """Return the number of motions, the rule, and the range of the factors."""

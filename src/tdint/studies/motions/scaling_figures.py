@@ -44,6 +44,7 @@ _PAIR_NAMES = {
     "rotd50": "RotD50",
     "rotd100": "RotD100",
     intensity.LARGER_COMPONENT: "larger component",
+    intensity.SRSS: "SRSS of both components",
 }
 _SPECTRAL_NAMES = {"sa": "Sa", "sa-avg": "Sa_avg"}
 

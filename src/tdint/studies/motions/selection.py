@@ -169,6 +169,7 @@ def select(
         scaling,
         chosen=tuple(pool[index] for index in chosen),
         left_out=excluded_counts,
+        target_std=target_scatter,
         unselected_spectra=spectra[unselected] * pool_factors[unselected, None],
         events=tuple(labels[pool[index]] for index in chosen) if labels else (),
         limits=(low, high),

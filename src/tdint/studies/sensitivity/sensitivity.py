@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from tdint.studies.campaign.execute import execute_plan, threads
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.studies.campaign.story_profiles import SuiteLevel, SuiteRules
+from tdint.studies.store import schema
 from tdint.studies.store.opening import open_store
 from tdint.studies.store.result_store import Store
 from tdint.system import processors
@@ -263,13 +265,10 @@ def parameter_effects(
 
 
 def rank_correlations(store: Store) -> list[RankCorrelation]:
-    """Return the rank correlations of the varied parameters of a sweep with the peaks, at each
-    intensity level.
+    """Return Spearman's rank correlations of the parameters of a sweep with the median peaks, for
+    each building and intensity level, over the variations of the building.
 
-    Returns
-    -------
-    list of RankCorrelation
-        One item for each building, level, parameter and peak.
+    A variation whose peak is a collapse or missing is omitted.
 
     Raises
     ------
@@ -281,50 +280,25 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     changes_of_building = store.varied()
     if not changes_of_building:
         raise UsageError("the campaign has no sweep: add `vary` to its file")
-    # Group variations by building and level. The name of a variation is the name of the
-    # building, which may contain colons, a colon and a label.
-    base_names = {
-        variation: name.rpartition(": ")[0] for variation, (name, _) in store.buildings().items()
-    }
-    variations_of_group: dict[tuple[str, int], list[tuple[int, Array]]] = {}
-    levels: dict[tuple[str, int], SuiteLevel] = {}
-    for (variation, rank), (level, values) in _medians(store).items():
-        group = base_names[variation], rank
-        variations_of_group.setdefault(group, []).append((variation, values))
-        levels.setdefault(group, level)
-    # In each group, `variations` has the number of each variation and its medians in the order of
-    # `PEAKS`.
+    # The name of a variation is the name of its building, a colon and a label.
+    names = {number: name.rpartition(": ")[0] for number, (name, _) in store.buildings().items()}
+    groups: dict[tuple[str, int], list[tuple[SuiteLevel, dict[str, float], Array]]] = {}
+    for (number, rank), (level, medians) in _medians(store).items():
+        group = groups.setdefault((names[number], rank), [])
+        group.append((level, changes_of_building[number], medians))
     correlations = []
-    for (building, rank), variations in variations_of_group.items():
-        level = levels[building, rank]
-        for parameter in dict.fromkeys(
-            name for variation, _ in variations for name in changes_of_building[variation]
-        ):
-            parameter_values = np.array(
-                [
-                    changes_of_building[variation].get(parameter, math.nan)
-                    for variation, _ in variations
-                ]
-            )
-            for index, quantity in enumerate(PEAKS):
-                peak_values = np.array([values[index] for _, values in variations])
-                # Exclude samples without a peak, or without this parameter.
-                is_valid = np.isfinite(parameter_values) & np.isfinite(peak_values)
-                samples = parameter_values[is_valid], peak_values[is_valid]
-                # The rank correlation with a constant is not defined.
+    for (building, _), variations in groups.items():
+        levels, changes, medians_of_variations = zip(*variations, strict=True)
+        for parameter in dict.fromkeys(chain.from_iterable(changes)):
+            values = np.array([change.get(parameter, math.nan) for change in changes])
+            for quantity, peaks in zip(PEAKS, np.array(medians_of_variations).T, strict=True):
+                is_valid = np.isfinite(values) & np.isfinite(peaks)
+                samples = values[is_valid], peaks[is_valid]
                 is_varying = all(np.unique(sample).size > 1 for sample in samples)
                 coefficient = float(spearmanr(*samples)[0]) if is_varying else math.nan
-                correlations.append(
-                    RankCorrelation(
-                        building,
-                        level.scale,
-                        level.level,
-                        parameter,
-                        quantity,
-                        coefficient,
-                        int(is_valid.sum()),
-                    )
-                )
+                level, draws = levels[0], int(is_valid.sum())
+                head = (building, level.scale, level.level, parameter, quantity)
+                correlations.append(RankCorrelation(*head, coefficient, draws))
     return correlations
 
 
@@ -334,8 +308,8 @@ def _medians(store: Store) -> dict[tuple[int, int], tuple[SuiteLevel, Array]]:
     rules, columns = SuiteRules.of(store), ", ".join(peak.column for peak in PEAKS)
     medians = {}
     for number in store.buildings():
-        rows = store.values_of_runs("run_rows", columns, number)
-        peaks = {run: np.abs(np.array(values, float)) for run, *values in rows}
+        values = store.values_of_runs(schema.RUNS, columns, number)
+        peaks = {run: np.abs(row) for run, (row,) in values.items()}
         for rank, level in enumerate(rules.levels_of(store, number)):
             (median,) = fractiles(level.demands(peaks), (0.5,))
             medians[number, rank] = level, median

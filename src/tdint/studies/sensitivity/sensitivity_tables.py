@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tdint.output.tables.table import TEXT, Column, Table
-from tdint.studies.campaign.campaign_tables import with_level
+from tdint.studies.campaign.campaign_tables import suite_columns
 from tdint.studies.columns import declared
 from tdint.studies.sensitivity.sensitivity import ParameterEffect, rank_correlations
 from tdint.studies.store.result_store import Store
@@ -38,4 +38,5 @@ CORRELATIONS = (
 def correlation_table(store: Store) -> Table:
     """Return the rank correlations of the sweep of a campaign, with the column of the level if the
     levels are not common scale factors."""
-    return Table.of_results(with_level(store, CORRELATIONS, 2), rank_correlations(store))
+    columns = suite_columns(store, CORRELATIONS, 2, of_pairs=False)
+    return Table.of_results(columns, rank_correlations(store))

@@ -16,11 +16,15 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self, cast
 
-from tdint.arrays import cached_property
+import numpy as np
+
+from tdint.arrays import Array, cached_property
 from tdint.errors import OutputError
 from tdint.files import digest_of, is_file
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.output.tables.runs import si_units_of
+from tdint.output.tables.table import Column, names
 from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.buildings import (
     NO_LIMITS,
@@ -32,6 +36,7 @@ from tdint.studies.campaign.buildings import (
     limits_of_text,
     limits_text,
     model_files,
+    models_of,
     output_units,
     plugin_files,
 )
@@ -108,7 +113,10 @@ class Identity:
         attributes |= {
             "study_type": "campaign",
             "settings": as_json(
-                asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
+                asdict(plan.settings)
+                | plan.levels.description()
+                | plan.assignment.description()
+                | ({"vary_units": dict(plan.vary_units)} if plan.vary_units else {})
             ),
             "units": output_units(plan.buildings),
             "building_numbers": building_numbers,
@@ -266,6 +274,11 @@ def all_differences(
     """
     entry_types = ("setting", "building", "record", "plug-in")
     lines = [INVENTORY_CHANGED] if are_shards and has_new_inventory else []
+    if (units := compared[0].get("vary_units")) and "vary_units" not in stored[0]:
+        lines.append(
+            f"numbers of vary are in units of the models, {units}; in the store they are in SI "
+            "units (of an earlier version), or it has none"
+        )
     for entry_type, first, second in zip(entry_types, stored, compared, strict=True):
         if are_shards and entry_type == "building":
             common_names = first.keys() & second.keys()
@@ -283,13 +296,13 @@ def all_differences(
 FILE = "campaign.sqlite"
 """File name of the store in the directory of a campaign."""
 
-_SCALING = "scaling"
-"""Key of the scaling of the ground motions in the table `meta`."""
-
-_ORIGINS = "origins"
-"""Key of the origins of motions in the table `meta`."""
 
 _SETTING = "setting "  # prefix of the keys of settings in the table `meta`
+
+
+def _stored(key: str, default: Any = None) -> Callable[[Store], Any]:
+    """Return a method of `Store` that reads a JSON value of the table `meta`."""
+    return lambda store: json.loads(store._meta_or_none(key) or json.dumps(default))
 
 
 class Store:
@@ -308,6 +321,40 @@ class Store:
     def __init__(self, connection: sqlite3.Connection, name: str) -> None:
         self.connection = connection
         self.name = name
+
+    origins = _stored("origins", {})  # of motions, by the number of the record
+    scaling = _stored("scaling", {})  # of ground motions by a table of factors
+    varied = _stored("varied", [])  # changed parameters of each building of a sweep
+    varied_units = _stored("varied_units", {})  # SI units of the changed parameters
+    code = _stored("code", {})  # SHA-256 of plug-ins
+    files = _stored("files", {})  # SHA-256 of input files
+    rates = _stored("rates", {})  # annual rates by event
+    events = _stored("setting events", [])
+    shards = _stored("shard_runs", {})  # number of runs of each shard in this store, by K/N
+    style = _stored("style", "")
+    outputs = _stored("outputs")  # requested tables; None for all
+
+    def damage(self) -> str:
+        """Return the damage states as JSON; empty without damage states."""
+        return self._meta_or_none("damage") or ""
+
+    def pair_demand(self) -> str:
+        """Return the rule for the demand of a pair."""
+        return self._meta_or_none("pair_demand") or LARGER
+
+    def grouped_by(self) -> str | None:
+        """Return the column of the inventory by which losses are grouped; None without groups."""
+        return self._meta_or_none("by")
+
+    def time_loops(self) -> str | None:
+        """Return how the time loops of the runs were executed: `compiled`, or `interpreted` if this
+        applies to some of them; None without runs."""
+        return self._meta_or_none("time_loops")
+
+    def value(self, query: str, *arguments: object) -> Any:
+        """Return the first value of the first row of a query; None without rows."""
+        row = self.connection.execute(query, arguments).fetchone()
+        return row and row[0]
 
     def __enter__(self) -> Self:
         """Return the open store."""
@@ -335,24 +382,8 @@ class Store:
             self.connection.close()
 
     def meta(self, key: str) -> str:
-        """Return the value of a key of the table `meta`, which must exist."""
-        query = "SELECT value FROM meta WHERE key = ?"
-        (value,) = self.connection.execute(query, (key,)).fetchone()
-        return str(value)
-
-    def origins(self) -> dict[str, dict[str, Any]]:
-        """Return the origins of the motions that tdint wrote, by the number of the motion; empty
-        without such motions."""
-        return self._optional_meta(_ORIGINS)
-
-    def scaling(self) -> dict[str, Any]:
-        """Return the file of the scale factors with rule and target of `tdint scale`; empty without
-        such a file."""
-        return self._optional_meta(_SCALING)
-
-    def _optional_meta(self, key: str) -> dict[str, Any]:
-        """Return the mapping of a key of the table `meta`; empty if the key does not exist."""
-        return dict(json.loads(self._meta_or_none(key) or "{}"))
+        """Return a value of the table `meta`, which must have the key."""
+        return str(self.value("SELECT value FROM meta WHERE key = ?", key))
 
     def settings(self) -> dict[str, str]:
         """Return the settings of all runs as JSON texts by name."""
@@ -364,12 +395,6 @@ class Store:
     def parameters(self) -> dict[str, Any]:
         """Return the decoded settings of all runs by name."""
         return {name: json.loads(value) for name, value in self.settings().items()}
-
-    def varied(self) -> list[dict[str, float]]:
-        """Return a list with a single dictionary per building, in the order of the buildings: the
-        values of the parameters that a sweep changed, by name. The list is empty without a sweep.
-        """
-        return list(json.loads(self._meta_or_none("varied") or "[]"))
 
     @property
     def checked(self) -> bool:
@@ -383,42 +408,33 @@ class Store:
         name = "name" if table == "buildings" else "name || ' ' || component"
         return dict(self.connection.execute(f"SELECT {name}, sha256 FROM {table} ORDER BY id"))
 
-    def code(self) -> dict[str, str]:
-        """Return the SHA-256 of the files of plug-ins that the runs used, by name."""
-        return dict(json.loads(self._meta_or_none("code") or "{}"))
-
     def compared_values(self) -> ComparedValues:
         """Return settings, buildings, records and plug-ins, in the form that `all_differences`
         compares."""
         return self.settings(), self.digests("buildings"), self.digests("records"), self.code()
 
     def completed_chunks(self) -> set[int]:
-        """Return the numbers of the completed chunks."""
-        return {number for number in self._chunks() if number >= 0}
-
-    def _chunks(self) -> list[int]:
-        """Return the numbers of the stored chunks; part of chunk i has the number -1 - i."""
-        return [number for (number,) in self.connection.execute("SELECT id FROM chunks")]
+        """Return the numbers of the completed chunks; part of chunk i has the number -1 - i."""
+        return {
+            number for (number,) in self.connection.execute("SELECT id FROM chunks WHERE id >= 0")
+        }
 
     def started_chunks(self) -> dict[int, tuple[Rows, float]]:
         """Return the rows and the processor time (s) of chunks of which only some runs are stored,
         by the number of the chunk. The rows are flat tuples, which `add` accepts."""
         parts = {}
-        for number in self._chunks():
-            if number < 0:
-                where = "WHERE chunk = ?"
-                rows = [
-                    self.connection.execute(table.select(where=where), (number,)).fetchall()
-                    for table in schema.ROW_TABLES
-                ]
-                query = "SELECT seconds FROM chunks WHERE id = ?"
-                (seconds,) = self.connection.execute(query, (number,)).fetchone()
-                parts[-1 - number] = Rows(*cast("Any", rows)), seconds
+        query = "SELECT id, seconds FROM chunks WHERE id < 0"
+        for number, seconds in self.connection.execute(query).fetchall():
+            rows = [
+                self.connection.execute(table.select(where="WHERE chunk = ?"), (number,)).fetchall()
+                for table in schema.ROW_TABLES
+            ]
+            parts[-1 - number] = Rows(*cast("Any", rows)), seconds
         return parts
 
     def seconds(self) -> float:
         """Return the processor time of the completed chunks, s."""
-        return float(self.connection.execute("SELECT total(seconds) FROM chunks").fetchone()[0])
+        return float(self.value("SELECT total(seconds) FROM chunks"))
 
     def statuses(self) -> dict[str, int]:
         """Return the number of runs of each status."""
@@ -431,23 +447,31 @@ class Store:
     def count(self, condition: str) -> int:
         """Return the number of runs that meet a condition, an SQL expression of the columns of the
         table `run_rows` such as `status = 'done'`. The query contains it unchanged."""
-        query = f"SELECT count(*) FROM run_rows WHERE {condition}"
-        (count,) = self.connection.execute(query).fetchone()
-        return int(count)
+        return int(self.value(f"SELECT count(*) FROM run_rows WHERE {condition}"))
 
     @property
     def has_stories(self) -> bool:
-        """True if peaks of stories are stored."""
-        query = "SELECT 1 FROM story_rows LIMIT 1"
-        return self.connection.execute(query).fetchone() is not None
+        """Whether the store contains results of stories."""
+        return self.has_rows(schema.STORIES)
+
+    @property
+    def has_samples(self) -> bool:
+        """Whether ground motions were sampled, so that two runs may have the same motion."""
+        return self.count("sample > 0") > 0
+
+    def has_rows(self, table: schema.RowTable) -> bool:
+        """Return whether a table of chunks contains rows."""
+        return self.value(f"SELECT 1 FROM {table.name} LIMIT 1") is not None
 
     def smallest_suite(self) -> int:
-        """Return the smallest number of ground motions of a building at a level; 0 without runs."""
-        (count,) = self.connection.execute(
-            "SELECT min(motions) FROM (SELECT count(DISTINCT motion) AS motions FROM run_rows "
-            "GROUP BY building, level)"
-        ).fetchone()
-        return count or 0
+        """Return the smallest number of motions of a building at a level; 0 without runs."""
+        return (
+            self.value(
+                "SELECT min(motions) FROM (SELECT count(DISTINCT motion) AS motions FROM run_rows "
+                "GROUP BY building, level)"
+            )
+            or 0
+        )
 
     def add(
         self, result: ChunkResult, *, is_part: bool = False, replaces_part: bool = False
@@ -572,8 +596,9 @@ class Store:
         """Return the reasons for which inputs could not be used. The keys are `record` and
         `building`; each value is a list of reasons."""
         reasons: dict[str, list[str]] = {"record": [], "building": []}
-        query = "SELECT kind, reason FROM unused ORDER BY rowid"
-        for category, reason in self.connection.execute(query):
+        for category, reason in self.connection.execute(
+            "SELECT kind, reason FROM unused ORDER BY rowid"
+        ):
             reasons.setdefault(category, []).append(reason)
         return reasons
 
@@ -640,14 +665,8 @@ class Store:
     def inventory_files(self) -> list[str]:
         """Return the SHA-256 of the files of the inventory; empty without an inventory."""
         # The key `files` has model files instead if the campaign has no inventory.
-        if not json.loads(self._meta_or_none("inventory") or '{"columns": []}')["columns"]:
-            return []
-        return sorted(json.loads(self._meta_or_none("files") or "{}").values())
-
-    def shards(self) -> dict[str, int]:
-        """Return the number of runs of each shard that was written to this store, by its text K/N;
-        empty if the campaign was not divided."""
-        return self._optional_meta("shard_runs")
+        inventory = json.loads(self._meta_or_none("inventory") or "{}")
+        return sorted(self.files().values()) if inventory.get("columns") else []
 
     def add_shards(self, shard_runs: Mapping[str, int]) -> None:
         """Record that shards are written to this store, so that `merge` can report missing shards,
@@ -660,10 +679,6 @@ class Store:
         """
         if not shard_runs.keys() <= (known := self.shards()).keys():
             self._write_meta("shard_runs", json.dumps(known | dict(shard_runs)))
-
-    def grouped_by(self) -> str | None:
-        """Return the column of the inventory by which losses are grouped; None without groups."""
-        return self._meta_or_none("by")
 
     def group_by(self, column: str) -> None:
         """Record the column of the inventory by which losses are grouped, for later exports."""
@@ -678,53 +693,29 @@ class Store:
             self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", (key, value))
             self.seal()
 
-    def time_loops(self) -> str | None:
-        """Return how the time loops of the runs were executed: `compiled`, or `interpreted` if this
-        applies to some of them; None without runs."""
-        return self._meta_or_none("time_loops")
-
     def record_time_loops(self, execution: str | None) -> None:
         """Record how the time loops of the following runs are executed; see `time_loops`. None
         means that this process executes none."""
         if execution is not None and self.time_loops() not in (execution, "interpreted"):
             self._write_meta("time_loops", execution)
 
-    def events(self) -> list[str]:
-        """Return the names of the events of ground motion fields. The sample number of a run is the
-        number of its event, from 1. The list is empty without fields."""
-        return list(json.loads(self._meta_or_none("setting events") or "[]"))
-
     def copied_cells(self, building: int) -> list[str]:
-        """Return the cells of the row of a building in the columns of the inventory that are copied
-        to tables; empty if there are none."""
-        row = self.connection.execute(
-            "SELECT cells FROM inventory WHERE building = ?", (building,)
-        ).fetchone()
-        return list(json.loads(row[0])) if row else []
+        """Return the cells of the inventory row of a building; empty without an inventory."""
+        return list(
+            json.loads(
+                self.value("SELECT cells FROM inventory WHERE building = ?", building) or "[]"
+            )
+        )
 
     def _meta_or_none(self, key: str) -> str | None:
-        """Return the value of a key of the table `meta`; None if the key does not exist."""
-        row = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-        return row[0] if row else None
-
-    def files(self) -> dict[str, str]:
-        """Return the SHA-256 of the model files, or of the files of the inventory, by name."""
-        return dict(json.loads(self._meta_or_none("files") or "{}"))
+        """Return a value of the table `meta`; None if the table does not have the key."""
+        value: str | None = self.value("SELECT value FROM meta WHERE key = ?", key)
+        return value
 
     def is_requested(self, table: str) -> bool:
-        """Return True if a table (`runs`, `damage` or `losses`) must be written. By default all
-        tables are written."""
-        requested_tables = json.loads(self._meta_or_none("outputs") or "null")
-        return requested_tables is None or table in requested_tables
-
-    def style(self) -> str:
-        """Return the style of the figures, empty if not specified."""
-        return str(json.loads(self._meta_or_none("style") or '""'))
-
-    def pair_demand(self) -> str:
-        """Return the rule that combines the components of pairs, an item of
-        `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
-        return self._meta_or_none("pair_demand") or LARGER
+        """Return whether a table is requested, by its name in campaign files."""
+        outputs = self.outputs()
+        return outputs is None or table in outputs
 
     def pair_rule(self) -> PairRule:
         """Return the rule that combines the components of pairs, with the pairs of the store."""
@@ -735,20 +726,14 @@ class Store:
         is an item of `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
         self._write_meta("pair_demand", rule)
 
-    def rates(self) -> dict[str, float]:
-        """Return the annual rate of each event; empty if not specified."""
-        return dict(json.loads(self._meta_or_none("rates") or "{}"))
-
     def period(self, building: int) -> float | None:
-        """Return the first period of a building, s; None if the store does not contain it.
-        `building` is the number of the building."""
+        """Return the first period of a building; None if it is not stored."""
         periods = json.loads(self._meta_or_none("periods") or "[]")
         if building < len(periods):
             return float(periods[building])
-        # For an inventory, the periods are stored with the building types, if damage was requested.
         query = "SELECT period_s FROM building_types WHERE building = ?"
-        row = self.connection.execute(query, (building,)).fetchone()
-        return row and float(row[0])
+        period: float | None = self.value(query, building)
+        return period
 
     def first_periods(self) -> list[tuple[str, float]]:
         """Return the names of the buildings with their first natural periods, s, if known."""
@@ -771,25 +756,13 @@ class Store:
         """Limits and isolators of each building by its number."""
         return limits_of_text(self._meta_or_none("limits") or "")
 
-    def damage(self) -> str:
-        """Return the definition of the damage states as JSON text; empty without damage states."""
-        return self._meta_or_none("damage") or ""
-
     def building_type(self, building: int) -> tuple[str, str, float, float]:
-        """Return the properties of a building for the computation of its damage.
-
-        Returns
-        -------
-        tuple of (str, str, float, float)
-            Name of the building; name of its type; divisor that converts a peak to the demand of
-            the damage states (`BuildingType`); first period, s.
-        """
+        """Return name, type, divisor of the demand and first period of a building with damage."""
         query = (
             "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t "
             "ON t.building = b.id WHERE b.id = ?"
         )
-        name, type_name, divisor, period = self.connection.execute(query, (building,)).fetchone()
-        return name, type_name, divisor, period
+        return tuple(self.connection.execute(query, (building,)).fetchone())
 
     def add_unused(self, reasons: Iterable[tuple[str, str]]) -> None:
         """Store inputs that could not be used. Each item is the category of the input (`record` or
@@ -813,23 +786,28 @@ class Store:
         rows = self.connection.execute(schema.RUNS.select(where="WHERE chunk = ?"), (chunk,))
         return [schema.run_of(row) for row in rows]
 
-    def values_of_runs(
-        self, table: str, columns: str, building: int, order: str = "sample"
+    def rows_of_runs(
+        self, table: schema.RowTable, columns: str, building: int
     ) -> Iterator[tuple[Any, ...]]:
         """Yield one tuple per row of a building in a table of chunks: the run, and the values of
-        `columns` (SQL expressions). The rows are in the order of the runs, then of the column
-        `order`."""
-        query = (
-            f"SELECT record, scale, sample, {columns} FROM {table} WHERE building = ? ORDER BY "
-            f"record, scale, sample, {order}"
-        )
-        for record, scale, sample, *values in self.connection.execute(query, (building,)):
-            yield Run(record, scale, sample), *values
+        `columns` (SQL expressions), in the order of the key."""
+        query = f"SELECT record, scale, sample, {columns} FROM {table.name} WHERE building = ?"
+        for row in self.connection.execute(f"{query} ORDER BY {', '.join(table.key)}", (building,)):
+            yield Run(*row[:3]), *row[3:]
 
-    def parts(self, table: schema.RowTable) -> Iterator[tuple[Any, ...]]:
-        """Yield one tuple per story, element, attachment, link or event and run, with the key of
-        the run and the values of the columns of its table, in the order of its key."""
-        yield from self.connection.execute(table.select_shown(self.checked))
+    def values_of_runs(
+        self, table: schema.RowTable, columns: str, building: int
+    ) -> dict[Run, Array]:
+        """Return the numbers in `rows_of_runs` by run, shape (rows of the run, columns)."""
+        rows: dict[Run, list[list[Any]]] = {}
+        for run, *values in self.rows_of_runs(table, columns, building):
+            rows.setdefault(run, []).append(values)
+        return {run: np.array(values, float) for run, values in rows.items()}
+
+    def shown(self, table: schema.RowTable, columns: Iterable[Column]) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per row of a table of chunks: the numbers of its building and its sample,
+        the names of building, record and component, the scale, and the cells of `columns`."""
+        yield from self.connection.execute(table.select_named(names(columns)))
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
         """Return name and method of each building by its number."""
@@ -852,8 +830,8 @@ def foreign_file_error(file: Path) -> OutputError:
 
 
 def is_empty(store: Store) -> bool:
-    """Return True if a store has no tables."""
-    return not store.connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+    """Return whether a store has no tables yet."""
+    return not store.value("SELECT count(*) FROM sqlite_master")
 
 
 def create_tables(store: Store, identity: Identity) -> None:
@@ -870,8 +848,6 @@ def create_tables(store: Store, identity: Identity) -> None:
         "runs": str(identity.runs),
         "chunks": str(identity.chunks),
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}
-    if identity.code:
-        metadata["code"] = json.dumps(identity.code)
     # Few campaigns have motions that tdint wrote. Their origins are the values of a dictionary, in
     # which the keys are the numbers of the motions.
     origins = {
@@ -879,17 +855,21 @@ def create_tables(store: Store, identity: Identity) -> None:
         for number, motion in enumerate(identity.motions)
         if motion.record.origin
     }
-    if origins:
-        metadata[_ORIGINS] = json.dumps(origins)
-    if identity.scaling:
-        metadata[_SCALING] = json.dumps(identity.scaling)
     # Buildings of an inventory without a sweep have no varied parameters. There may be millions of
     # these buildings, so do not query each building.
-    buildings = identity.buildings
+    buildings, varied = identity.buildings, list[dict[str, float]]()
     if not isinstance(buildings, RowBuildings) or buildings.rows.is_varied:
-        varied_parameters = [dict(building.varied) for building in buildings]
-        if any(varied_parameters):
-            metadata["varied"] = json.dumps(varied_parameters)
+        varied = [dict(building.varied) for building in buildings]
+    parameters = dict.fromkeys(name for values in varied for name in values)
+    models = models_of(buildings) or [building.subject().model for building in buildings[:1]]
+    optional = {
+        "code": identity.code,
+        "origins": origins,
+        "scaling": identity.scaling,
+        "varied": varied if any(varied) else None,
+        "varied_units": si_units_of(parameters, models) if parameters else None,
+    }
+    metadata |= {key: json.dumps(value) for key, value in optional.items() if value}
     # Sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256 of each ground
     # motion. A load case has no samples; its numbers are 0.
     records = []

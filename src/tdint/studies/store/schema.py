@@ -29,7 +29,7 @@ from tdint.output.tables.devices import TABLES as DEVICE_TABLES
 from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
-from tdint.output.tables.table import TEXT, Column, names
+from tdint.output.tables.table import TEXT, Column
 from tdint.response.runs.run_values import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.studies.campaign.chunks import Place, RunRow
 from tdint.system import file_system, is_special, lock_failure, open_to_lock
@@ -515,11 +515,16 @@ class RowTable:
             f"{_quoted(self.key)}"
         )
 
-    def select_shown(self, has_errors: bool) -> str:
-        """Return the SQL query of the key of a run and its columns in tables, with rows in the
-        order of the key."""
-        columns = (*_KEY, *names((*self.shown, *(self.errors if has_errors else ()))))
-        return f"SELECT {_quoted(columns)} FROM {self.name} ORDER BY {_quoted(self.key)}"
+    def select_named(self, columns: Iterable[str]) -> str:
+        """Return the SQL query of the numbers of building and sample, the names of building, record
+        and component, the scale, and `columns`, with rows in the order of the key."""
+        cells = (f't."{name}"' if name in self.columns else name for name in columns)
+        key = ", ".join(f"t.{name}" for name in self.key)
+        return (
+            "SELECT t.building, t.sample, b.name, m.name, m.component, t.scale, "
+            f"{', '.join(cells)} FROM {self.name} t JOIN buildings b ON b.id = t.building JOIN "
+            f"records m ON m.id = t.record ORDER BY {key}"
+        )
 
     def insert(
         self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int
