@@ -263,7 +263,7 @@ def solve_linear(coefficients, scene, h, memory, factors):
             scratch[slopes_row, i] = law_state[rows.SLOPE, i]
         scratch[slopes_row, n] = h
         factor_pairs(linear_terms, law_state, (root_re, root_im), factorization, damping, n)
-    solve_pairs_damped(factorization, damping, ROW.COMPLEX, ROW.COMPLEX + 1, n)
+    solve_pairs_damped(factorization, modal, ROW.COMPLEX, n)
     _store_response(linear_terms, modal, (root_re, root_im), state, law_state, scratch)
 
 
@@ -462,7 +462,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
         is_correction_negligible = correct(
-            coefficients[BETA], modal, h, _newton_factorization(linear_terms, scratch, factors), n
+            modal, _newton_factorization(linear_terms, scratch, factors), n
         )
         iterations += 1
         # `correct` has replaced the residuals in the rows R1 and R2 by the corrections of DU and
