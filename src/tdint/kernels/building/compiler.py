@@ -391,7 +391,7 @@ def _closed(text: str, entries: Iterable[str], inlined: Iterable[str] = ()) -> s
         library = numba.core.registry.cpu_target.target_context.codegen().create_library("closed")
         library.add_llvm_module(whole)
         library.finalize()
-    return library.get_llvm_str()
+    return str(library.get_llvm_str())
 
 
 def _add_entry(
@@ -491,7 +491,7 @@ def objects_of(
         return body(*_complete(arguments))
 
     groups = map(_type_of_group, grouped(function, [*map(_type, signature.arguments)]))
-    compiled.compile(_type(signature.returns)(types.Tuple([*groups])))
+    compiled.compile(_type(signature.returns)(BaseTuple.from_types([*groups])))
     # The function has been compiled for exactly one tuple of argument types.
     (arguments,) = compiled.overloads
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
