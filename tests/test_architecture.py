@@ -350,7 +350,6 @@ NAMED_ELSEWHERE = {
     },
     "law whose force is a factor of the tangent damping of its story": {
         "src/tdint/kernels/stories/impact.py": "hertz",
-        "src/tdint/model/building.py": "hertz",
     },
     "options that `test_choices_of_options_are_names_of_the_library` compares": {
         "cli/tdint_cli/assessment/order.py": "linear",

@@ -39,7 +39,6 @@ from tdint.kernels.equations.tridiagonal import factor_combination as factor_com
 from tdint.kernels.equations.tridiagonal import factor_damped as factor_damped
 from tdint.kernels.equations.tridiagonal import link_blocks as link_blocks
 from tdint.kernels.equations.tridiagonal import solve as solve
-from tdint.kernels.equations.tridiagonal import solve_blocks as solve_blocks
 from tdint.kernels.equations.tridiagonal import solve_blocks_damped as solve_blocks_damped
 from tdint.kernels.equations.tridiagonal import solve_damped as solve_damped
 from tdint.kernels.laws.branch_following import add_work as add_work

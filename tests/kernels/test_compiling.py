@@ -3,6 +3,7 @@ without the compiler."""
 
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,9 +19,9 @@ from small_kernel import scaled
 from tdint import load_model
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels import build
+from tdint.kernels.building import compiler, store
 from tdint.kernels.building import load_or_compile as building_module
 from tdint.kernels.building import process as process_module
-from tdint.kernels.building import store
 from tdint.kernels.building.compilable import ANY, EVERYTHING, FULL, PLAIN, Variant, bind
 from tdint.kernels.building.compiler import objects_of, outlined
 from tdint.kernels.building.load_or_compile import compile_ahead
@@ -293,6 +294,137 @@ def test_compilation_is_reproducible(tmp_path):
         assert about["symbol"].partition(".")[0] in ("first", "second")
         for word in (str(tmp_path), sys.prefix, "site-packages", "builtins", "Error"):
             assert word.encode() not in code
+
+
+COMPILE = """
+import os, sys
+from pathlib import Path
+from tdint.kernels.building.compilable import EVERYTHING
+from tdint.kernels.building.load_or_compile import compile_ahead
+from tdint.methods import gauss, model_based
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, list(os.sched_getaffinity(0))[:1])  # one process compiles both
+steps = [gauss.implicit_step, model_based.step][int(sys.argv[1]):]
+compile_ahead([(step, EVERYTHING) for step in steps], ["x86-64-v2"], Path("out"), lambda done: None)
+"""
+
+
+@pytest.mark.slow
+def test_object_does_not_depend_on_earlier_compilations(tmp_path):
+    """Two processes with different hash seeds of Python compile a step, one of them after the step
+    of another method, whose functions use functions of numba first."""
+    running, objects = [], []
+    for first in ("0", "1"):
+        folder = tmp_path / first
+        folder.mkdir()
+        setting = {"TDINT_CACHE_DIR": str(folder / "cache"), "PYTHONHASHSEED": first}
+        program = f"import sys; sys.argv[1:] = ['{first}']\n{COMPILE}"
+        running.append((folder, started(program, folder, **setting)))
+    for folder, process in running:
+        printed(process)
+        (file,) = (folder / "out").rglob("*model_based.step-full*.object")
+        objects.append(file.read_bytes())
+    assert objects[0] == objects[1]
+
+
+INNER = F8(TABLE, I8)
+inner_at = compiler.indirect_caller(INNER)
+
+
+@outlined
+def with_unused(table, row, unused):
+    """Return a sum over a row; LLVM does not copy the function into its callers."""
+    total = unused - unused
+    for i in range(table.shape[1]):
+        x = table[row, i]
+        total += ((((x + 1.0) * x + 2.0) * x + 3.0) * x // 4.0) % 5.0
+    return total
+
+
+def outer(address, table, unused):
+    """Call a kernel and another function twice."""
+    by_rows = with_unused(table, 0, unused) + with_unused(table, 1, unused)
+    return by_rows + inner_at(address, table, 1)
+
+
+def test_generated_code_is_reduced(monkeypatch):
+    """A call of a kernel passes three of the nine numbers of a table. The functions of a kernel
+    are internal, are not copied again, and receive only the parts of a table that they use."""
+    monkeypatch.setattr(compiler, "_emitted", lambda text, target: text)
+    (text,), symbol = objects_of(outer, F8(INNER, TABLE, F8), [native()])
+    (entry,) = re.findall(r'^define (?!internal).*@"(\S+)"\(', text, re.MULTILINE)
+    ((parts, number),) = re.findall(r"^define internal .*?\((.*)\).*#(\d+)", text, re.MULTILINE)
+    (passed,) = re.findall(r"call i32 %\S*\((.*?)\),", text)
+    assert entry == symbol == "outer.0"
+    assert "%arg.table.4" in parts and "%arg.table.5.1" in parts
+    assert not re.search(r"%arg\.(table\.[0-36]|table\.5\.0|excinfo)", parts)
+    assert "noinline" in re.search(rf"^attributes #{number} = .*", text, re.MULTILINE)[0]
+    assert passed.count("undef") == 6
+
+
+@pytest.mark.parametrize("vectorizes", [False, True])
+def test_short_loops_are_not_prepared_for_unrolling(monkeypatch, vectorizes):
+    given = []
+    monkeypatch.setattr(compiler.numba.core.config, "LOOP_VECTORIZE", vectorizes)
+    monkeypatch.setattr(compiler.llvm, "set_option", lambda name, option: given.append(option))
+    compiler._set_loop_options.__wrapped__()
+    assert given == ([] if vectorizes else ["--unroll-runtime=false", "--disable-lsr"])
+
+
+NOT_REDUCED = """
+from tdint.kernels.building import compiler
+compiler.REDUCED = False
+from tdint.kernels import build
+build.main()
+"""
+RUN = """
+import hashlib, sys
+import numpy as np
+from pathlib import Path
+from tdint import load_model, read_record
+from tdint.response.runs.batch import Subject
+root = Path(sys.argv[1])
+record = read_record(root / "records/near-fault.mseed", component="HN1", units="m/s^2")
+for config, method in zip(sys.argv[2::2], sys.argv[3::2]):
+    subject = Subject(load_model(root / config), method)
+    prepared, integrator = subject.prepared, subject.integrator
+    for h in (0.02, 0.005, 0.04):
+        steps = subject.case(record).steps(h, 20.0)
+        space = prepared.loaded_arrays(integrator, steps.h, steps.count + 1)
+        ground = np.zeros(len(record.acceleration) + 50)
+        ground[: len(record.acceleration)] = 3.0 * record.acceleration
+        code = prepared.loop(integrator, steps.h, ground, space)(steps, 0, steps.count)
+        arrays = (*space.memory, *space.seen, space.forces, space.history, space.totals)
+        digest = hashlib.sha256(b"".join(array.tobytes() for array in arrays))
+        print(config, method, h, code, space.history.shape, digest.hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_reduced_code_computes_equal_bits(tmp_path, monkeypatch):
+    """Loops with and without the reductions of machine code fill equal arrays, in both forms."""
+    root = Path(__file__).parents[2]
+    runs = [
+        ("configs/ten-story-bilinear.yaml", "newmark-average"),
+        ("configs/ten-story-bilinear.yaml", "impulse4"),
+        ("configs/equipment-on-floors.yaml", "newmark-average"),
+    ]
+    required = [
+        pair
+        for config, method in runs
+        for pair in kernels_of_model(load_model(root / config), parse_method(method))
+    ]
+    start_instead(monkeypatch, NOT_REDUCED)
+    folder = tmp_path / "objects"
+    compile_ahead(required, ["native"], folder, lambda done: None)
+    monkeypatch.undo()
+    given = [str(root), *(text for run in runs for text in run)]
+    program = f"import sys; sys.argv[1:] = {given}\n{RUN}"
+    outputs = [
+        printed(started(program, tmp_path, TDINT_KERNELS_DIR=directory))
+        for directory in ("", str(folder))
+    ]
+    assert outputs[0] == outputs[1] and len(outputs[0].splitlines()) == 3 * len(runs)
 
 
 HARMS = [

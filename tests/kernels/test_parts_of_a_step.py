@@ -196,7 +196,7 @@ def test_mismatch_of_accelerations_and_negligible_kinks():
             space.scratch[momentum.A1, :2], space.scratch[momentum.DV, :2] = a1, h * mean
             space.scratch[row.DASHPOT_MISMATCH, :3] = *damper, 9.0
             space.law_state[rows.THIRD_TRIAL + rows.DRIFT, :2] = 0.1, -0.81 if near_peak else -0.79
-            space.scratch[row.PEAKS + rows.PEAK_DRIFT, :2] = 1.0
+            space.scratch[row.LARGEST_DRIFT, :2] = 1.0
             difference = 0.5 * (a0 + a1) - mean + [0.5, 0.25] * (damper - [damper[1], 0.0])
             mismatch = float(np.sum([2.0, 4.0] * difference**2))
             norm = float(np.sum([1.0, 2.0] * (a0**2 + a1**2)))

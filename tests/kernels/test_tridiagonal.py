@@ -26,15 +26,15 @@ def test_tridiagonal_solution_with_low_rank_term(n, modes):
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)
     law_state = generator.uniform(1.0, 2.0, n)
-    coupling = np.append(0.0, -law_state[1:])
+    coupling = np.append(0.0, law_state[1:])
     diagonal = law_state + np.append(law_state[1:], 0.0) + generator.uniform(0.1, 1.0, n)
     w = np.hstack([generator.normal(size=(modes, n)), np.zeros((modes, 1))])
     right = generator.normal(size=n)
     scale = 0.3
     dense = (
         np.diag(diagonal)
-        + np.diag(coupling[1:], 1)
-        + np.diag(coupling[1:], -1)
+        - np.diag(coupling[1:], 1)
+        - np.diag(coupling[1:], -1)
         + scale * w[:, :n].T @ w[:, :n]
     )
     scratch = np.zeros((3 + 2 * modes + 1, max(n, 2 * modes) + 1))
@@ -69,7 +69,7 @@ def test_block_solution_with_low_rank_term(n, modes):
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     factors, damping = Factors(scratch, 0, 4, x + 2, linear_terms), ModalBlocks(w, *s)
     factor_blocks(factors, damping, n)
-    solve_blocks_damped(factors, damping, x, x + 1, n)
+    solve_blocks_damped(factors, w, x, n)
     assert scratch[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
 
 
@@ -118,7 +118,7 @@ def test_complex_solution_with_low_rank_term(n, modes):
         factors = Factors(scratch, 2, 4, 6, linear_terms)
         by_modes = ModalBlocks(modal, root.real, -root.imag, root.imag, root.real)
         factor_pairs(linear_terms, law_state, (root.real, root.imag), factors, by_modes, n)
-        solve_pairs_damped(factors, by_modes, 0, 1, n)
+        solve_pairs_damped(factors, modal, 0, n)
         out_of_balance = np.abs(dense @ (scratch[0, :n] + 1j * scratch[1, :n]) - right)
         assert np.all(out_of_balance <= 1e-13 * np.linalg.cond(dense) * np.abs(right).max())
         assert scratch[0, :n] + 1j * scratch[1, :n] == pytest.approx(

@@ -131,7 +131,7 @@ def test_factorizations_solve_systems_of_any_topology(texts, seed):
     none = tridiagonal.ModalBlocks(modal, 0.0, 0.0, 0.0, 0.0)
     tridiagonal.factor_pairs(linear_terms, law_state, (0.05, 0.07), factors, none, n)
     scratch[25:27] = right
-    tridiagonal.solve_pairs_damped(factors, none, 25, 26, n)
+    tridiagonal.solve_pairs_damped(factors, modal, 25, n)
     root = 0.05 + 0.07j
     load = right[0, :masses] + 1j * right[1, :masses]
     solution = np.linalg.solve(mass + root * damping + root**2 * stiffness, load)
@@ -148,7 +148,7 @@ def test_factorizations_solve_systems_of_any_topology(texts, seed):
     tridiagonal.link_blocks(linear_terms, factors, n)
     tridiagonal.factor_blocks(factors, none, n)
     scratch[25:27] = right
-    tridiagonal.solve_blocks_damped(factors, none, 25, 26, n)
+    tridiagonal.solve_blocks_damped(factors, modal, 25, n)
     ends = incidence(linear_terms, masses)
     parts = [(ends.T * block) @ ends for block in blocks]
     identity = 100.0 * np.eye(masses)

@@ -364,3 +364,20 @@ def test_stepper_needs_a_stable_time_step():
         tdint.Stepper(PLAIN)
     with pytest.raises(tdint.FailedRun, match="unstable"):
         tdint.Stepper(PLAIN, "central-difference", 0.5)
+
+
+def test_kinks_of_power_law_dashpots_do_not_depend_on_recorded_peaks():
+    """A restart resets the peaks of a run, but not the largest drift until now, with which
+    `impulse4` compares the reversals of curved laws."""
+    stories = [
+        {
+            "mass": mass, "stiffness": stiffness,
+            "law": {"type": "bouc-wen", "yield_force": strength, "hardening": 0.05,
+                    "exponent": 2, "beta": 0.5},
+            "dashpot": {"coefficient": dashpot, "exponent": 0.4, "linear_below": 0.005},
+        }
+        for mass, stiffness, strength, dashpot in ((1e5, 3e7, 2.5e5, 2e5), (9e4, 2.5e7, 2e5, 1.5e5))
+    ]  # fmt: skip
+    model = {"stories": stories, "damping": "2%", "plausibility": "off, test"}
+    whole, _, second = halves(model, STEPS // 2, dt=0.5 * INTERVAL, method="impulse4")
+    assert_same_rows(whole, STEPS, second)

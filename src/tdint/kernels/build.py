@@ -81,7 +81,7 @@ def _take_shortcuts() -> None:
     each function. `tdint.kernels.building.compiler.objects_of` renames the symbols of functions.
     """
     from llvmlite.binding import Linkage
-    from numba.core import bytecode, codegen, compiler, ir_utils, types
+    from numba.core import bytecode, codegen, compiler, cpu, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
     # numba would try all candidates and format an error for each mismatch.
@@ -138,6 +138,19 @@ def _take_shortcuts() -> None:
             identity._unique_ids, labels._value, ir_utils._unique_var_count = numbering_of_caller
 
     compiler.CompilerBase.compile_extra = compile_separately
+    set_options = cpu.CPUTargetOptions.finalize
+
+    def copy_of_numba(self: Any, flags: Any, options: Any) -> None:
+        """Complete the options of a function; replaces `finalize` of the options (`self`).
+
+        Functions of numba, such as `max`, do not specify this option. They would inherit it from
+        the first function of the process that calls them.
+        """
+        if not flags.is_set("forceinline"):
+            flags.forceinline = True
+        set_options(self, flags, options)
+
+    cpu.CPUTargetOptions.finalize = copy_of_numba
     optimize = codegen.CPUCodeLibrary._optimize_final_module
 
     def optimize_called(self: Any) -> None:

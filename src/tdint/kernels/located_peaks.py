@@ -61,7 +61,7 @@ def raise_located_peaks(scene, span, passage, law_state, previous, located):
             s = table[first + row, i]
             # Several floors often have the same instant.
             if s > 0.0 and s != last:
-                _raise_peaks_at(scene, span, passage, law_state, previous, s, located)
+                raise_peaks_at(scene, span, passage, law_state, previous, s, located)
                 last = s
     if FULL and scene.flags[rows.CAN_FRACTURE] > 0.0:
         for i in range(n):
@@ -80,7 +80,7 @@ def _raise_peaks_before_fracture(scene, span, passage, law_state, i, located):
         if limit != 0.0:
             _raise_force_at_reversal(scene, law_state, i, rows.STEP_START, limit, located)
             s = instant_before(span.h, story, limit)
-            _raise_peaks_at(scene, span, passage, law_state, rows.STEP_START, s, located)
+            raise_peaks_at(scene, span, passage, law_state, rows.STEP_START, s, located)
 
 
 @outlined
@@ -95,7 +95,7 @@ def _raise_force_at_reversal(scene, law_state, i, previous, drift, located):
 
 
 @outlined
-def _raise_peaks_at(scene, span, passage, law_state, previous, s, located):
+def raise_peaks_at(scene, span, passage, law_state, previous, s, located):
     """Raise the peaks of accelerations and total shears by the response at the fraction `s` of the
     step."""
     table, first, peaks, first_peak = located

@@ -334,7 +334,8 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     building, the extrema of the interpolant are the peaks.
 
     In a kinked step, `raise_peaks_in_part` searches velocities, drift rates and absolute
-    accelerations, and total shears, except near the rest of a dashpot.
+    accelerations, and total shears, except near the rest of a dashpot. In a step of a method with
+    corners (`span.cornered`), the method has searched velocities and drift rates.
 
     The length of the step must not be zero.
     """
@@ -342,7 +343,8 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     table, first, peaks, first_peak = located
     by_h = 1.0 / span.h
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
-    searched_in_parts = span.kinked and not span.cornered
+    # A method that has computed peaks within the step has searched the velocities at its corners.
+    searched_in_parts = span.kinked != span.cornered
     located_count = 0
     if scene.flags[rows.CAN_FRACTURE] > 0.0:
         located_count += has_fractured(scene.law_parameters, law_state)
@@ -619,6 +621,13 @@ def _has_extremum(span, ends):
     return (span.on_path & has_vertex) | (ends.v0 * ends.v1 < 0.0)
 
 
+@inline
+def explains_velocities(h, ends):
+    """Return True if the accelerations at both ends explain the change of velocity."""
+    velocity_mismatch = abs(ends.v1 - ends.v0 - 0.5 * h * (ends.a0 + ends.a1))
+    return velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(ends.v0) + abs(ends.v1))
+
+
 @outlined
 def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     """Raise the peak of a displacement or drift by its extremum inside the step; return the
@@ -639,10 +648,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     """
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
-    velocity_mismatch = abs(v1 - v0 - 0.5 * h * (a0 + a1))
-    is_resolved = resolves_motion(span, ends) and (
-        velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(v0) + abs(v1))
-    )
+    is_resolved = resolves_motion(span, ends) and explains_velocities(h, ends)
     if span.on_path and not is_resolved:
         # The extremum is at s = 1/2 - rise / curvature, inside the step if |rise / curvature| <
         # 1/2.

@@ -185,7 +185,7 @@ def implicit_step(coefficients, scene, h, load, memory):
             _factor_jacobian(coefficients, linear_terms, h, factors, damping)
             step_status[rows.FACTORED_STEP] = h
         # The corrections of the accelerations replace the residuals.
-        solve_blocks_damped(factors, damping, _IMPLICIT.RESIDUAL, _IMPLICIT.RESIDUAL + 1, n)
+        solve_blocks_damped(factors, modal, _IMPLICIT.RESIDUAL, n)
         iterations += 1
         for stage in range(2):
             for i in range(n):

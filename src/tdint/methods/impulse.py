@@ -140,7 +140,7 @@ def step(coefficients, scene, h, load, memory):
         # residuals were already within RESIDUAL_TOLERANCE (this correction satisfies the published
         # equations up to rounding), or if the building is linear. The residuals of the final pass
         # then consist of rounding errors and are not tested again.
-        is_last = correct(_BY_A, modal, h, factors, n) or is_balanced or flags[rows.LINEAR] != 0.0
+        is_last = correct(modal, factors, n) or is_balanced or flags[rows.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
         state[rows.DISPLACEMENT, i] += scratch[momentum.DU, i]

@@ -47,14 +47,23 @@ from tdint.kernels.linear_terms import (
     below,
     finite,
     force_value,
+    has_dashpot,
     has_inerters,
     inerter_force,
     is_tree,
     story_value,
     tie,
 )
-from tdint.kernels.located_peaks import raise_located_peaks
-from tdint.kernels.peaks_between_steps import find_interstep_peaks, keep_corner, raise_peak
+from tdint.kernels.located_peaks import raise_located_peaks, raise_peaks_at
+from tdint.kernels.peaks_between_steps import (
+    ends_of_story,
+    explains_velocities,
+    find_interstep_peaks,
+    keep_corner,
+    raise_peak,
+    zero_of_rate,
+)
+from tdint.kernels.step_interpolant import quintic_motion
 from tdint.kernels.stepping import Located, Passage, Span, step_kernel
 from tdint.kernels.stories.brace import add_reported_accelerations, commit_brace
 from tdint.kernels.stories.branches import (
@@ -367,7 +376,8 @@ def _change_branch(scene, memory, story, column, event):
     `column` is the story or the element with the branch that ends. At a reversal of a story with
     elements, it is the story, and all elements with its direction change their branches.
 
-    The result is True if the law has lost a part of its force.
+    The result is True if the force has jumped: a law has lost a part of it, or tangent damping or
+    the dashpot of a contact starts or ends.
     """
     linear_terms, law_parameters = scene.linear_terms, scene.law_parameters
     state, law_state, _, _ = memory
@@ -378,7 +388,7 @@ def _change_branch(scene, memory, story, column, event):
         _leave_branch(law_parameters, law_state, story, event)
     jump = law_state[rows.FORCE, story] - force
     elastic = law_parameters[rows.STIFFNESS, story] * law_state[rows.DRIFT, story]
-    has_lost_force = abs(jump) > _JUMP * abs(elastic)
+    has_jumped = abs(jump) > _JUMP * abs(elastic)
     # The force of tangent damping changes with the stiffness, also at the end of a loop of a curved
     # law.
     if FULL and linear_terms[rows.TANGENT_DAMPING, story] != 0.0:
@@ -389,12 +399,14 @@ def _change_branch(scene, memory, story, column, event):
         start_impact(law_parameters, law_state, story, rate)
         slope = damping_slope(law_parameters, law_state, story, rows.COMMITTED, slope)
         damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate * slope
-        jump += damping_force - state[rows.DAMPING_FORCE, story]
+        damping_jump = damping_force - state[rows.DAMPING_FORCE, story]
+        has_jumped |= abs(damping_jump) > _JUMP * abs(law_state[rows.FORCE, story] + damping_force)
+        jump += damping_jump
         state[rows.DAMPING_FORCE, story] = damping_force
     if jump != 0.0:
         accelerate(linear_terms, state, rows.ACCELERATION, story, -jump, memory.scratch)
         tie(linear_terms, state, rows.ACCELERATION)
-    return has_lost_force
+    return has_jumped
 
 
 @outlined
@@ -679,6 +691,7 @@ def _update_substep_peaks(scene, span, memory):
         if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
             previous = step_start(scene.flags)
             raise_located_peaks(scene, span, passage, law_state, previous, located)
+    _raise_peaks_in_contact(scene, span, memory)
     _raise_floor_peaks(scene, span.t, span.ground_1, ROW.END_ACCELERATION, scratch)
     for i in range(scene.linear_terms.shape[1] - 1):
         drift = law_state[rows.DRIFT, i]
@@ -688,6 +701,9 @@ def _update_substep_peaks(scene, span, memory):
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
+        if scene.flags[rows.HAS_DASHPOTS] != 0.0 and has_dashpot(scene.linear_terms, i):
+            rate = story_value(scene.linear_terms, state, rows.VELOCITY, i)
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT_RATE, i, rate)
         if FULL and has_inerters(scene.linear_terms):
             force = inerter_force(scene.linear_terms, scratch, ROW.END_ACCELERATION, i)
             raise_peak(scratch, ROW.PEAKS + rows.PEAK_INERTER_FORCE, i, force)
@@ -698,6 +714,37 @@ def _update_substep_peaks(scene, span, memory):
             raise_element_peaks(
                 scene.law_parameters, law_state, i, rows.COMMITTED, scratch[ROW.END_EXCESS, i]
             )
+
+
+@outlined
+def _raise_peaks_in_contact(scene, span, memory):
+    """Raise the peaks due to contacts within a substep that does not resolve them.
+
+    Such a spring reverses on a branch that is stiffer than initially. Its extremum is only a
+    possible peak for `find_interstep_peaks`, because the accelerations at both ends, where the
+    contact has no force, do not explain the change of velocity.
+    """
+    state, law_state, scratch, _ = memory
+    linear_terms, law_parameters = scene.linear_terms, scene.law_parameters
+    passage = Passage(scratch, ROW.SUBSTEP_START, state, scratch, ROW.END_ACCELERATION)
+    located = Located(scratch, ROW.LOCATED, scratch, ROW.PEAKS)
+    for i in range(linear_terms.shape[1] - 1):
+        if law_state[rows.SLOPE, i] <= law_parameters[rows.STIFFNESS, i]:
+            continue
+        spring = ends_of_story(False, linear_terms, passage, law_state, i)
+        if spring.v0 * spring.v1 < 0.0 and not explains_velocities(span.h, spring):
+            s = zero_of_rate(span.h, spring)
+            extremum = quintic_motion(span.h, spring, s)[0]
+            restoring_force_outlined(
+                law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, extremum
+            )
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, extremum)
+            force = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
+            resolved = Span(
+                span.t, span.h, span.ground_0, span.ground_1, False, False, False, False
+            )
+            raise_peaks_at(scene, resolved, passage, law_state, step_start(scene.flags), s, located)
 
 
 @outlined
@@ -727,7 +774,7 @@ def _raise_floor_peaks(scene, t, ground, row, scratch):
 
 @outlined
 def _raise_peaks_after_jump(scene, t, ground, memory):
-    """Update the peaks with the accelerations after the force of a law has jumped to zero."""
+    """Update the peaks with the accelerations after a jump of the force of a law or its damping."""
     state, _, scratch, step_status = memory
     row = ROW.SUBSTEP_START + 2
     copy_rows(state, rows.ACCELERATION, scratch, row, 1, scene.linear_terms.shape[1] - 1)

@@ -21,6 +21,7 @@ from tdint.kernels.laws import LINEAR
 from tdint.kernels.laws.compiled import compiled_laws
 from tdint.kernels.laws.fracture import FRACTURING
 from tdint.kernels.laws.law import DriftLaw
+from tdint.kernels.stories.impact import HERTZ, RESTITUTION
 from tdint.model.damping import (
     add_damping,
     falling_message,
@@ -225,6 +226,11 @@ class Building:
         # Without np.unique, which imports the masked arrays of NumPy.
         return {code for code in set(codes.ravel().tolist()) if code > rows.ELEMENTS}
 
+    @cached_property
+    def has_stops(self) -> bool:
+        """True if a story, element, attachment or link has a law with stops."""
+        return any(NUMBERED_LAWS[code].stops is not DriftLaw.stops for code in self.law_codes)
+
     @property
     def elements(self) -> int:
         """Number of elements of all stories with several elements."""
@@ -275,7 +281,10 @@ class Building:
     @property
     def impact_damped(self) -> bool:
         """True if a contact of Hertz has damping."""
-        damped = self.law_parameters[rows.CODE, : self.stories] == CODES["hertz"]
+        damped = self.law_parameters[rows.CODE, : self.stories] == HERTZ
+        if not np.any(damped):  # the table can have fewer rows
+            return False
+        damped &= self.law_parameters[RESTITUTION, : self.stories] != 1.0
         return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, :-1][damped] != 0.0))
 
     @property

@@ -98,3 +98,19 @@ def test_energies_of_two_directions_are_sums():
     assert np.isfinite(x.damage_index(0.3)[0])
     with pytest.raises(UsageError, match="requires one direction"):
         response.damage_index(0.3)
+
+
+def test_stories_of_a_building_with_an_attachment_have_an_index():
+    """The attachment is a column of the building and no story."""
+    law = {"type": "bilinear", "yield_force": 2e5, "hardening": 0.03}
+    story = {"mass": 1e5, "height": 3.0, "stiffness": 3e7, "law": law}
+    model = {
+        "stories": [story, story],
+        "damping": "3%",
+        "attachments": [{"name": "tmd", "floor": "roof", "mass": 5e3, "stiffness": 5e5}],
+        "plausibility": "off, test",
+    }
+    motion = tdint.make_record(4.0 * np.sin(0.08 * np.arange(401)), dt=0.01, units="m/s^2")
+    response = tdint.run(model, motion, check=False)
+    peak, energy = response.stories.peak_drift, response.hysteretic_energy
+    assert response.damage_index(0.3) == pytest.approx(peak / 0.3 + 0.05 * energy / (2e5 * 0.3))

@@ -41,7 +41,7 @@ _PART = ".part"
 _DAY = 86400.0  # s
 _PACKAGE = Path(__file__).parents[2]
 _PREBUILT = _PACKAGE / "kernels" / "prebuilt"
-_CONVENTION = "numba 2"
+_CONVENTION = "numba 3"
 """Calling convention of `tdint.kernels.building.loading` and contents of the description. A change
 requires a new number."""
 

@@ -24,7 +24,9 @@ from tdint.kernels.laws.selection import elements_of
 from tdint.kernels.linear_terms import (
     above,
     add_modal_force,
+    base_of,
     force_value,
+    has_dashpot,
     is_tree,
     power_damper,
     story_value,
@@ -524,9 +526,15 @@ def _elements_have_corners(scene, memory, i):
 
 
 @inline
+def _largest_at_ends(start, change):
+    """Return the larger absolute value at both ends of a step."""
+    return max(abs(start), abs(start + change))
+
+
+@inline
 def _may_exceed_peaks(scene, h, load, memory):
-    """Return True if a force, an acceleration or a total shear may exceed its peak within the step
-    because of corners.
+    """Return True if a force, a velocity, a drift rate of a dashpot, an acceleration or a total
+    shear may exceed its peak within the step because of corners.
 
     Corners change a story force by at most _FORCE_DEVIATION k (|rise| + |bend| / 2) compared with a
     straight line over the step, with the initial stiffness k. If a branch is stiffer than k (stops
@@ -534,10 +542,11 @@ def _may_exceed_peaks(scene, h, load, memory):
     computes the peaks within the step from its interpolant.
     """
     linear_terms, _, law_parameters, forces, _ = scene
-    _, law_state, scratch, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     inverse_h_squared = 1.0 / (h * h)
     any_leaves = False
+    has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     # The sums below apply to a chain.
     may_exceed = (FULL and forces.shape[0] > 0) or (FULL and is_tree(linear_terms))
     deviation_above = shear_0 = shear_1 = 0.0
@@ -566,6 +575,19 @@ def _may_exceed_peaks(scene, h, load, memory):
         a_0 = inverse_h_squared * scratch[ROW.A0, i] - half_change + load[rows.GROUND_0]
         a_1 = inverse_h_squared * scratch[ROW.A0, i] + half_change + load[rows.GROUND_1]
         acceleration_deviation = linear_terms[rows.INVERSE_MASS, i] * (deviation + deviation_above)
+        # A velocity exceeds its values at both ends by at most a quarter of the step times the
+        # acceleration, if the acceleration is linear.
+        reach = _largest_at_ends(state[rows.VELOCITY, i], scratch[ROW.A0, i] / h) + 0.25 * h * (
+            max(abs(a_0 - load[rows.GROUND_0]), abs(a_1 - load[rows.GROUND_1]))
+            + acceleration_deviation
+        )
+        may_exceed |= reach > scratch[ROW.PEAKS + rows.PEAK_VELOCITY, i]
+        if has_dashpots and has_dashpot(linear_terms, i):
+            rate = story_value(linear_terms, state, rows.VELOCITY, i)
+            mean = story_value(linear_terms, scratch, ROW.A0, i) / h
+            change = story_value(linear_terms, scratch, ROW.A1, i) / h
+            reach = _largest_at_ends(rate, mean) + 0.5 * (abs(mean) + abs(change))
+            may_exceed |= reach > scratch[ROW.PEAKS + rows.PEAK_DRIFT_RATE, i]
         may_exceed |= (
             max(abs(a_0), abs(a_1)) + acceleration_deviation
             > scratch[ROW.PEAKS + rows.PEAK_ACCELERATION, i]
@@ -598,11 +620,11 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
 
     The peaks are raised in the rows of the scratch array from ROW.PEAKS on. After a step that sets
     STEP_PEAKS, the observer merges these rows into the peaks of the run, computes no other peaks of
-    accelerations and total shears within the step, copies the merged peaks back, and sets
-    STEP_PEAKS to 0. Before this function raises them, the rows therefore contain the peaks of the
-    run at the last such step, or zeros. These values may be lower than the present peaks; the test
-    `_may_exceed_peaks` is then True in more steps than necessary. A function that resets the peaks
-    of the run also resets the rows (`Family.step_peaks`).
+    velocities, accelerations and total shears within the step, copies the merged peaks back, and
+    sets STEP_PEAKS to 0. Before this function raises them, the rows therefore contain the peaks of
+    the run at the last such step, or zeros. These values may be lower than the present peaks; the
+    test `_may_exceed_peaks` is then True in more steps than necessary. A function that resets the
+    peaks of the run also resets the rows (`Family.step_peaks`).
 
     The status is unchanged if no peak can be exceeded or no corner is found. Peaks that
     `_store_branch_end` has then raised, at a corner close to an endpoint of the step, are
@@ -659,7 +681,8 @@ def _store_first_response(h, memory, i, count):
 
 @outlined
 def _update_peaks_between_corners(coefficients, scene, h, load, memory):
-    """Update the peaks of accelerations and total shears at the corners and between them.
+    """Update the peaks of velocities, accelerations and total shears at the corners and between
+    them.
 
     Extrema between the corners are located on the parabolas through a corner, the next midpoint and
     the next corner. They become nodes, and the response at all nodes is computed again. The peaks
@@ -674,6 +697,7 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
         _store_response_at_nodes(coefficients, scene, h, load, memory, count)
     if FULL:
         _raise_peaks_of_sums(scene, memory, count)
+    _raise_velocities(scene, h, load, memory, count)
     for k in range(1, count):
         t = load[rows.TIME] + h * scratch[ROW.NODE_FORCE + k, n]
         for i in range(n):
@@ -683,6 +707,62 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
             raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
             if FULL:
                 keep_corner(scratch, ROW.PEAKS, i, acceleration, t)
+
+
+@outlined
+def _raise_velocities(scene, h, load, memory, count):
+    """Raise the peaks of the velocities of all floors, and of the drift rates of stories with
+    dashpots, at the corners and by their extrema between the corners."""
+    linear_terms, scratch = scene.linear_terms, memory.scratch
+    n = linear_terms.shape[1] - 1
+    has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
+    for i in range(n):
+        has_rate = has_dashpots and has_dashpot(linear_terms, i)
+        link = linear_terms[rows.LINK, i]
+        for k in range(0, count - 2, 2):
+            half = scratch[ROW.NODE_FORCE + k + 1, n] - scratch[ROW.NODE_FORCE + k, n]
+            motion = _motion_between(h, load, scratch, k, i, n)
+            _raise_velocity(scratch, rows.PEAK_VELOCITY, i, h, half, motion, 0.0, motion)
+            if has_rate:
+                lower = _motion_between(h, load, scratch, k, base_of(linear_terms, i), n)
+                _raise_velocity(scratch, rows.PEAK_DRIFT_RATE, i, h, half, motion, link, lower)
+
+
+@inline
+def _motion_between(h, load, scratch, k, i, n):
+    """Return h times the velocities of floor `i` at the corners `k` and `k` + 2, and h^2 times its
+    accelerations relative to the ground at both corners and at the midpoint between them, m."""
+    return (
+        scratch[ROW.NODE_VELOCITY + k, i],
+        scratch[ROW.NODE_VELOCITY + k + 2, i],
+        _relative_acceleration(h, load, scratch, k, i, n),
+        _relative_acceleration(h, load, scratch, k + 1, i, n),
+        _relative_acceleration(h, load, scratch, k + 2, i, n),
+    )
+
+
+@inline
+def _raise_velocity(scratch, row, i, h, half, motion, link, lower):
+    """Raise a peak by a velocity at the second of two corners, and by its extremum between them.
+
+    The velocity is that of `motion` minus `link` times that of `lower` (`_motion_between`). Its
+    acceleration is the parabola through the three accelerations; `half` is half the distance of the
+    corners as a fraction of the step.
+    """
+    v_0, v_2 = motion[0] - link * lower[0], motion[1] - link * lower[1]
+    a_0, a_1, a_2 = (
+        motion[2] - link * lower[2],
+        motion[3] - link * lower[3],
+        motion[4] - link * lower[4],
+    )
+    raise_peak(scratch, ROW.PEAKS + row, i, v_2 / h)
+    if a_0 * a_2 < 0.0:
+        # a_0 + b x + c x^2, with x from 0 to 2; the stable form of the root between both corners
+        b, c = 0.5 * (4.0 * a_1 - 3.0 * a_0 - a_2), 0.5 * (a_0 - 2.0 * a_1 + a_2)
+        root = math.sqrt(max(b * b - 4.0 * a_0 * c, 0.0))
+        x = -2.0 * a_0 / (b + math.copysign(root, -a_0))
+        extremum = v_0 + half * x * (a_0 + x * (0.5 * b + x * c / 3.0))
+        raise_peak(scratch, ROW.PEAKS + row, i, extremum / h)
 
 
 @outlined

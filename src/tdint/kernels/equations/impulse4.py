@@ -77,7 +77,7 @@ from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, follow_brace
 from tdint.kernels.stories.branches import find_sign_change, turns_at_reversal
-from tdint.kernels.stories.impact import HERTZ, damping_potential
+from tdint.kernels.stories.impact import damping_potential, has_impact
 from tdint.kernels.stories.law_state import (
     restoring_force_on_branches,
     restoring_force_outlined,
@@ -142,6 +142,8 @@ class _Rows(NamedTuple):
     # Maxima over the run, which `keep_negligible_kinks` updates: mismatch of the mean acceleration
     # (column 0) and squared norm of the accelerations (column 1)
     RUN_MAXIMA: int = 1
+    # Largest absolute drift at the start of a step of the run, also before a restart
+    LARGEST_DRIFT: int = 1
     LOCATED: int = rows.LOCATED_ROWS  # reversals and instants within the substep
     # Peaks within the substeps, then the largest acceleration of each floor at a substep end (with
     # its sign, m/s^2) and its time (s)
@@ -263,7 +265,7 @@ def solve_linear(coefficients, scene, h, memory, factors):
             scratch[slopes_row, i] = law_state[rows.SLOPE, i]
         scratch[slopes_row, n] = h
         factor_pairs(linear_terms, law_state, (root_re, root_im), factorization, damping, n)
-    solve_pairs_damped(factorization, damping, ROW.COMPLEX, ROW.COMPLEX + 1, n)
+    solve_pairs_damped(factorization, modal, ROW.COMPLEX, n)
     _store_response(linear_terms, modal, (root_re, root_im), state, law_state, scratch)
 
 
@@ -462,7 +464,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
         is_correction_negligible = correct(
-            coefficients[BETA], modal, h, _newton_factorization(linear_terms, scratch, factors), n
+            modal, _newton_factorization(linear_terms, scratch, factors), n
         )
         iterations += 1
         # `correct` has replaced the residuals in the rows R1 and R2 by the corrections of DU and
@@ -548,7 +550,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
                 + coefficients[WEIGHT_1] * drift
             )
             law = law_state[rows.FORCE, i], force, law_mean, tangent
-            if law_parameters[rows.CODE, i] == HERTZ:
+            if has_impact(law_parameters, i):
                 law = _impact_potential(
                     coefficients, law_parameters, law_state, i, (drift_c, drift), (force_c, force)
                 )
@@ -761,7 +763,7 @@ def keep_negligible_kinks(scene, h, memory):
 
         1. KINK <= _MAX_KINK Q_max / S.
         2. The story has no power-law dashpot, or the drift at the reversal is less than _NEAR_PEAK
-           times the peak drift of the story until now.
+           times the largest drift of the story at the start of a step until now.
 
     Q and S are sums over the floors:
 
@@ -807,10 +809,10 @@ def keep_negligible_kinks(scene, h, memory):
     mismatch = scratch[ROW.RUN_MAXIMA, 0]  # Q_max
     # THIRD_TRIAL contains the drift at the reversal.
     for i in range(n):
-        is_near_peak = (
-            abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
-            >= _NEAR_PEAK * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
-        )
+        # The peaks of the run would make the motion depend on a restart.
+        largest = max(scratch[ROW.LARGEST_DRIFT, i], abs(law_state[rows.DRIFT, i]))
+        scratch[ROW.LARGEST_DRIFT, i] = largest
+        is_near_peak = abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i]) >= _NEAR_PEAK * largest
         may_remain = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
         if not (may_remain and scratch[ROW.KINK, i] * acceleration_norm <= _MAX_KINK * mismatch):
             scratch[ROW.KINK, i] = 0.0

@@ -16,7 +16,7 @@ from __future__ import annotations
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import FULL, inline
 from tdint.kernels.equations.iteration import ROUNDING, is_balanced
-from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
+from tdint.kernels.equations.tridiagonal import solve_blocks_damped
 from tdint.kernels.linear_terms import (
     above,
     add_inertance,
@@ -152,7 +152,7 @@ def has_converged(is_last, tolerance, kinematics, scene, h, memory):
 
 
 @inline
-def correct(beta, modal, h, factors, n):
+def correct(modal, factors, n):
     """Solve for the corrections of Newton's method and add them to the increments; return True if
     the corrections of the displacements are of the order of rounding errors.
 
@@ -161,9 +161,7 @@ def correct(beta, modal, h, factors, n):
     residuals ends the iteration. Row U1 contains the displacements before the correction.
     """
     scratch = factors.table
-    # If all terms with unknowns are on the left side, the kinematic equation contains +beta h^2 M
-    # a1 and therefore -beta h^2 C v1.
-    solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
+    solve_blocks_damped(factors, modal, R1, n)
     is_small = True
     for i in range(n):
         scratch[DU, i] += scratch[R1, i]

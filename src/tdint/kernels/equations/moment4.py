@@ -206,7 +206,7 @@ def solve_step(coefficients, scene, h, memory):
         # `_correct` returns True if the correction is of the order of rounding errors.
         if is_stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
-        solve(linear_terms, modal, h, scratch, ROW.X, n)
+        solve(linear_terms, modal, scratch, ROW.X, n)
         is_correction_negligible = _correct(state, scratch, n)
         iterations += 1
         previous_norm = norm
@@ -280,7 +280,7 @@ def _solve_on_branches(coefficients, scene, h, memory):
                     _TANGENTS_PER_SLOPE[row] * law_state[rows.SLOPE, i]
                 )
         _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
-    solve(linear_terms, modal, h, scratch, ROW.X, n)
+    solve(linear_terms, modal, scratch, ROW.X, n)
     for row in range(2):
         for i in range(n):
             scratch[ROW.CORRECTION + row, i] = scratch[ROW.X + row, i]
@@ -770,7 +770,7 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
 
 
 @inline
-def solve(linear_terms, modal, h, scratch, x, n):
+def solve(linear_terms, modal, scratch, x, n):
     """Solve the linear system of Newton's method, factorized by `_factor`, for the rises and bends
     of all floors.
 
@@ -779,9 +779,7 @@ def solve(linear_terms, modal, h, scratch, x, n):
     `x` + 1 contain the right side (negative residuals, kg m) and receive D0 and D1.
     """
     factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE, linear_terms)
-    # The values in `ModalBlocks` are the factors of C for D0 and D1 in the first equation, and for
-    # D0 and D1 in the second equation.
-    solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), x, x + 1, n)
+    solve_blocks_damped(factors, modal, x, n)
 
 
 @inline

@@ -1,17 +1,25 @@
 """Direct solution of the linear systems of a step: tridiagonal or block tridiagonal matrices.
 
-A story couples only adjacent floors. The matrices are therefore tridiagonal (real or complex, one
-unknown per floor) or block tridiagonal with 2 x 2 blocks (two unknowns per floor).
+A story couples only adjacent floors. The matrices are therefore tridiagonal. An entry is a number
+(one unknown per floor), a complex number, or a 2 x 2 block (two unknowns per floor); `Entries`
+contains the arithmetic of an entry, and `_elimination` the elimination for any entries. With the
+entry D_i of a floor and the entry B_i of the story between the floors i - 1 and i, the equations
+of T z = b are
 
-Modal damping adds a multiple s of the matrix W^T W, with one row of W for each damped mode. The
-Sherman-Morrison-Woodbury formula accounts for this part, so that no dense matrix with the size of
-the building is needed:
+    -B_i z_(i-1) + D_i z_i - B_(i+1) z_(i+1) = b_i
 
-    (T + s W^T W)^-1 = T^-1 - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W T^-1
+In a building with attachments or links, the lower floor of a story is any floor.
 
-Here T is the matrix without modal damping. The matrix in brackets has one row for each mode. If
-there are two unknowns per floor and most modes are damped, T + s W^T W is factorized as a full
-matrix instead, because this requires fewer operations (`_is_full`).
+Modal damping adds W^T W, with one row of W for each damped mode, in place of each number of a
+coefficient matrix D of the unknowns of a floor. With U, which contains W once for each unknown, the
+Sherman-Morrison-Woodbury formula accounts for this part (`_woodbury`), so that no dense matrix with
+the size of the building is needed:
+
+    (T + U^T D U)^-1 = T^-1 - T^-1 U^T [(I + D U T^-1 U^T)^-1 D] U T^-1
+
+The matrix in brackets has one row for each mode and unknown. If there are two unknowns per floor
+and most modes are damped, T + U^T D U is factorized as a full matrix instead, because this requires
+fewer operations (`_is_full`).
 
 Pivoting is not necessary: each leading block is the matrix of the part of the building below a
 story, for which the same step has a unique solution.
@@ -19,7 +27,7 @@ story, for which the same step has a unique solution.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import FULL, inline, outlined
@@ -27,8 +35,8 @@ from tdint.kernels.linear_terms import count_masses, has_inerters, is_tree, tie
 from tdint.kernels.stepping import Array
 
 COUPLING_ROWS = 8
-"""Number of scratch rows for the couplings between adjacent floors in `factor_blocks`: four entries
-of each 2 x 2 block, which the caller stores, and four entries of each product A_i B_(i+1)."""
+"""Number of scratch rows for the couplings between adjacent floors in `factor_blocks`: four numbers
+of each block B_i, which the caller stores, and four numbers of each product A_(i-1) B_i."""
 
 
 class Combination(NamedTuple):
@@ -65,48 +73,206 @@ class ModalBlocks(NamedTuple):
     yy: float
 
 
-@inline
-def factor(factors, n):
-    """Compute the factorization T = L D L^T of a symmetric tridiagonal matrix in place.
+# ---- Arithmetic of the entries of a matrix
 
-    Each diagonal entry of L is 1, and D is diagonal. With the diagonal t_i and the entries c_i at
-    (i, i - 1), L has the entries c_i / D_(i-1) and D_i = t_i - c_i^2 / D_(i-1).
 
-    Parameters
+class Entries(NamedTuple):
+    """Arithmetic of the entries of a matrix: compiled functions, and a number of rows.
+
+    Attributes
     ----------
-    factors : Factors
-        Row `pivot` contains the diagonal of the matrix and receives the inverses of D. Row
-        `coupling` contains in column i the matrix entry (i, i - 1) and receives the entry of L.
-    n : int
-        Number of floors.
+    load, store : function
+        (table, row, i) and (table, row, i, entry): the entry in column `i`, in successive rows.
+    product, reduced, increased, inverse : function
+        a b, a - b c, a + b c and 1 / a of entries.
+    load_unknowns, store_unknowns : function
+        (table, row, i) and (table, row, i, v): the unknowns v of floor `i`.
+    applied, added, combined : function
+        a v, v + a w and a v + b w, with entries a, b and unknowns v, w.
+    upper : int
+        Rows from an entry of the lower triangle to that of the upper triangle; 0 if the product of
+        entries is commutative, because the matrix and its factors are then symmetric.
+    unknowns : int
+        Number of unknowns per floor.
     """
-    scratch, pivot, coupling, _, linear_terms = factors
-    if FULL and is_tree(linear_terms):
-        # The floors are eliminated from the tips of the tree on: an attachment before its floor.
-        for i in range(count_masses(linear_terms) - 1, -1, -1):
-            inverse = 1.0 / scratch[pivot, i]
-            scratch[pivot, i] = inverse
-            if i > 0:
-                base = int(linear_terms[rows.BASE, i])
-                multiplier = scratch[coupling, i] * inverse
-                scratch[pivot, base] -= multiplier * scratch[coupling, i]
-                scratch[coupling, i] = multiplier
-                _eliminate_entries(linear_terms, scratch, pivot, coupling, i)
-        return
-    scratch[pivot, 0] = 1.0 / scratch[pivot, 0]
-    for i in range(1, n):
-        multiplier = scratch[coupling, i] * scratch[pivot, i - 1]
-        scratch[pivot, i] = 1.0 / (scratch[pivot, i] - multiplier * scratch[coupling, i])
-        scratch[coupling, i] = multiplier
+
+    load: Any
+    store: Any
+    product: Any
+    reduced: Any
+    increased: Any
+    inverse: Any
+    load_unknowns: Any
+    store_unknowns: Any
+    applied: Any
+    added: Any
+    combined: Any
+    upper: int
+    unknowns: int
 
 
 @inline
-def _add_to_entry(linear_terms, scratch, row, i):
-    """Move the coupling of link `i` to the column of its matrix entry."""
-    entry = int(linear_terms[rows.ENTRY, i])
-    if entry != i:
-        scratch[row, entry] += scratch[row, i]
-        scratch[row, i] = 0.0
+def _product(a, b):
+    """Return a b."""
+    return a * b
+
+
+@inline
+def _reduced(a, b, c):
+    """Return a - b c."""
+    return a - b * c
+
+
+@inline
+def _added(v, a, w):
+    """Return v + a w."""
+    return v + a * w
+
+
+@inline
+def _combined(a, v, b, w):
+    """Return a v + b w."""
+    return a * v + b * w
+
+
+@inline
+def _number(table, row, i):
+    """Return a number."""
+    return table[row, i]
+
+
+@inline
+def _store_number(table, row, i, number):
+    """Store a number."""
+    table[row, i] = number
+
+
+@inline
+def _inverse_number(number):
+    """Return 1 / number."""
+    return 1.0 / number
+
+
+@inline
+def _complex(table, row, i):
+    """Return the complex number with its parts in two rows."""
+    return complex(table[row, i], table[row + 1, i])
+
+
+@inline
+def _store_complex(table, row, i, number):
+    """Store real and imaginary part."""
+    table[row, i], table[row + 1, i] = number.real, number.imag
+
+
+@inline
+def _inverse_complex(number):
+    """Return 1 / number."""
+    squared = 1.0 / (number.real * number.real + number.imag * number.imag)
+    return complex(number.real * squared, -number.imag * squared)
+
+
+@inline
+def _block(table, row, i, step=1):
+    """Return the 2 x 2 block in column `i`, row by row. Its entries are in rows with the distance
+    `step`."""
+    return (
+        table[row, i],
+        table[row + step, i],
+        table[row + 2 * step, i],
+        table[row + 3 * step, i],
+    )
+
+
+@inline
+def _store_block(table, row, i, block, step=1):
+    """Store a 2 x 2 block in column `i`, in rows with the distance `step`."""
+    for entry in range(4):
+        table[row + entry * step, i] = block[entry]
+
+
+@inline
+def _product_of_blocks(a, b):
+    """Return the product of two 2 x 2 blocks."""
+    return (
+        a[0] * b[0] + a[1] * b[2],
+        a[0] * b[1] + a[1] * b[3],
+        a[2] * b[0] + a[3] * b[2],
+        a[2] * b[1] + a[3] * b[3],
+    )
+
+
+@inline
+def _reduced_block(a, b, c):
+    """Return a - b c."""
+    p, q, r, s = _product_of_blocks(b, c)
+    return a[0] - p, a[1] - q, a[2] - r, a[3] - s
+
+
+@inline
+def _increased_block(a, b, c):
+    """Return a + b c."""
+    p, q, r, s = _product_of_blocks(b, c)
+    return a[0] + p, a[1] + q, a[2] + r, a[3] + s
+
+
+@inline
+def _inverse_block(block):
+    """Return the inverse of a 2 x 2 block."""
+    p, q, r, s = block
+    inverse = 1.0 / (p * s - q * r)
+    return s * inverse, -q * inverse, -r * inverse, p * inverse
+
+
+@inline
+def _pair(table, row, i):
+    """Return the two unknowns of a floor."""
+    return table[row, i], table[row + 1, i]
+
+
+@inline
+def _store_pair(table, row, i, pair):
+    """Store the two unknowns of a floor."""
+    table[row, i], table[row + 1, i] = pair
+
+
+@inline
+def _applied_block(a, v):
+    """Return a v."""
+    return a[0] * v[0] + a[1] * v[1], a[2] * v[0] + a[3] * v[1]
+
+
+@inline
+def _added_block(v, a, w):
+    """Return v + a w."""
+    return v[0] + a[0] * w[0] + a[1] * w[1], v[1] + a[2] * w[0] + a[3] * w[1]
+
+
+@inline
+def _combined_blocks(a, v, b, w):
+    """Return a v + b w."""
+    return (
+        a[0] * v[0] + a[1] * v[1] + b[0] * w[0] + b[1] * w[1],
+        a[2] * v[0] + a[3] * v[1] + b[2] * w[0] + b[3] * w[1],
+    )
+
+
+_NUMBERS = Entries(
+    _number, _store_number, _product, _reduced, _added, _inverse_number,
+    _number, _store_number, _product, _added, _combined, 0, 1,
+)  # fmt: skip
+_COMPLEX = Entries(
+    _complex, _store_complex, _product, _reduced, _added, _inverse_complex,
+    _complex, _store_complex, _product, _added, _combined, 0, 2,
+)  # fmt: skip
+_BLOCKS = Entries(
+    _block, _store_block, _product_of_blocks, _reduced_block, _increased_block, _inverse_block,
+    _pair, _store_pair, _applied_block, _added_block, _combined_blocks,
+    COUPLING_ROWS // 2, 2,
+)  # fmt: skip
+
+
+# ---- Elimination
 
 
 @inline
@@ -121,74 +287,135 @@ def _entry_between(linear_terms, i, j):
     return column
 
 
-@outlined
-def _eliminate_entries(linear_terms, scratch, pivot, coupling, i):
-    """Eliminate floor `i` from the equations of the lower floors of its links, and replace their
-    entries by those of L. Row `pivot` contains the inverse of D_i."""
-    j = int(linear_terms[rows.NEXT_ENTRY, i])
-    while j > 0:
-        base, entry = int(linear_terms[rows.BASE, j]), scratch[coupling, j]
-        multiplier = entry * scratch[pivot, i]
-        scratch[pivot, base] -= multiplier * entry
-        k = i
-        while k != j:  # the pairs of this floor and the earlier floors of the list
-            other = int(linear_terms[rows.BASE, k])
-            column = _entry_between(linear_terms, base, other)
-            scratch[coupling, column] -= entry * scratch[coupling, k]
-            k = int(linear_terms[rows.NEXT_ENTRY, k])
-        scratch[coupling, j] = multiplier
-        j = int(linear_terms[rows.NEXT_ENTRY, j])
+def _elimination(entries: Entries) -> tuple[Any, Any]:
+    """Return the compiled functions `factor` and `solve` of matrices with these entries.
 
+    `factor` (factors, n) replaces T by its factorization, from the lowest floor upwards:
 
-@inline
-def solve(factors, x, n):
-    """Solve the linear system L D L^T x = b with the factorization of `factor`.
+        A_0 = D_0^-1,   A_i = (D_i - B_i A_(i-1) B_i)^-1
 
-    Parameters
-    ----------
-    factors : Factors
-        Rows with the factorization.
-    x : int
-        Row of the right side b; it receives the solution x.
-    n : int
-        Number of floors.
+        rows                 before      after
+        pivot                D_i         A_i
+        coupling             B_i         B_i A_(i-1)
+        coupling + upper                 A_(i-1) B_i
+
+    `solve` (factors, x, n) replaces the right side b in row `x` by the solution z:
+
+        forward, upwards        f_0 = b_0,   f_i = b_i + B_i A_(i-1) f_(i-1)
+        backward, downwards     z_i = A_i f_i + A_i B_(i+1) z_(i+1)
+
+    In a tree with links, the floors are eliminated from the tips on: an attachment before its
+    floor. The elimination of floor i with the entries -U in its equation and -L in the equation of
+    a lower floor reduces D of this floor by L A_i U. For another lower floor with L' and U', the
+    entries of both floors receive L A_i U' and L' A_i U. L and U are equal before the elimination.
     """
-    scratch, pivot, coupling, _, linear_terms = factors
-    if FULL and is_tree(linear_terms):
-        last = count_masses(linear_terms) - 1
-        for i in range(last, 0, -1):
-            base = int(linear_terms[rows.BASE, i])
-            scratch[x, base] -= scratch[coupling, i] * scratch[x, i]
-            j = int(linear_terms[rows.NEXT_ENTRY, i])
+    load, store, product, reduced, increased, inverse, *others, upper, unknowns = entries
+    load_unknowns, store_unknowns, applied, added, combined = others
+
+    @outlined
+    def factor_tree(factors, n):
+        """Factorize the matrix of a tree with links."""
+        scratch, pivot, coupling, _, linear_terms = factors
+        for i in range(1, n if upper > 0 else 0):
+            store(scratch, coupling + upper, i, load(scratch, coupling, i))
+        # `while` as in `tdint.kernels.time_loop.observer.observe`
+        i = count_masses(linear_terms)
+        while i > 0:
+            i -= 1
+            own = inverse(load(scratch, pivot, i))
+            store(scratch, pivot, i, own)
+            j = i  # column of the entry; 0 after the last lower floor
             while j > 0:
                 base = int(linear_terms[rows.BASE, j])
-                scratch[x, base] -= scratch[coupling, j] * scratch[x, i]
+                in_lower, in_upper = load(scratch, coupling, j), load(scratch, coupling + upper, j)
+                by_upper = product(own, in_upper)
+                of_base = reduced(load(scratch, pivot, base), in_lower, by_upper)
+                store(scratch, pivot, base, of_base)
+                store(scratch, coupling + upper, j, by_upper)
+                store(scratch, coupling, j, product(in_lower, own))
+                k = i
+                while k != j:  # the pairs of this floor and the earlier floors of the list
+                    other = int(linear_terms[rows.BASE, k])
+                    column = _entry_between(linear_terms, base, other)
+                    # The lower floor of a column has its entry in the row `coupling`.
+                    in_base, in_other = coupling, coupling + upper
+                    if base > other:
+                        in_base, in_other = in_other, in_base
+                    of_entry = load(scratch, in_base, column)
+                    by_upper = load(scratch, coupling + upper, k)
+                    store(scratch, in_base, column, increased(of_entry, in_lower, by_upper))
+                    if upper > 0:
+                        of_entry = load(scratch, in_other, column)
+                        by_lower = load(scratch, coupling, k)
+                        store(scratch, in_other, column, increased(of_entry, by_lower, in_upper))
+                    k = int(linear_terms[rows.NEXT_ENTRY, k])
                 j = int(linear_terms[rows.NEXT_ENTRY, j])
-        scratch[x, 0] *= scratch[pivot, 0]
-        for i in range(1, last + 1):
-            base = int(linear_terms[rows.BASE, i])
-            value = scratch[x, i] * scratch[pivot, i] - scratch[coupling, i] * scratch[x, base]
-            j = int(linear_terms[rows.NEXT_ENTRY, i])
+
+    @inline
+    def factor(factors, n):
+        """Factorize the matrix in place."""
+        scratch, pivot, coupling, _, linear_terms = factors
+        if FULL and is_tree(linear_terms):
+            factor_tree(factors, n)
+            return
+        below = inverse(load(scratch, pivot, 0))
+        store(scratch, pivot, 0, below)
+        for i in range(1, n):
+            story = load(scratch, coupling, i)
+            by_story = product(below, story)
+            own = reduced(load(scratch, pivot, i), story, by_story)
+            store(scratch, coupling + upper, i, by_story)
+            store(scratch, coupling, i, product(story, below))
+            below = inverse(own)
+            store(scratch, pivot, i, below)
+
+    @inline
+    def solve(factors, x, n):
+        """Solve the system for the right side in row `x`, without modal damping."""
+        scratch, pivot, coupling, _, linear_terms = factors
+        if FULL and is_tree(linear_terms):
+            solve_tree(factors, x)
+            return
+        value = load_unknowns(scratch, x, 0)
+        for i in range(1, n):
+            value = added(load_unknowns(scratch, x, i), load(scratch, coupling, i), value)
+            store_unknowns(scratch, x, i, value)
+        value = applied(load(scratch, pivot, n - 1), load_unknowns(scratch, x, n - 1))
+        store_unknowns(scratch, x, n - 1, value)
+        # `while` as in `tdint.kernels.time_loop.observer.observe`
+        i = n - 1
+        while i > 0:
+            i -= 1
+            own, above = load(scratch, pivot, i), load(scratch, coupling + upper, i + 1)
+            value = combined(own, load_unknowns(scratch, x, i), above, value)
+            store_unknowns(scratch, x, i, value)
+
+    @outlined
+    def solve_tree(factors, x):
+        """Solve the system of a tree with links, from its tips on."""
+        scratch, pivot, coupling, _, linear_terms = factors
+        last = count_masses(linear_terms) - 1
+        for i in range(last, 0, -1):
+            value, j = load_unknowns(scratch, x, i), i
             while j > 0:
-                value -= scratch[coupling, j] * scratch[x, int(linear_terms[rows.BASE, j])]
+                base = int(linear_terms[rows.BASE, j])
+                in_base = added(load_unknowns(scratch, x, base), load(scratch, coupling, j), value)
+                store_unknowns(scratch, x, base, in_base)
                 j = int(linear_terms[rows.NEXT_ENTRY, j])
-            scratch[x, i] = value
-        tie(linear_terms, scratch, x)
-        return
-    # Forward substitution with L
-    partial = scratch[x, 0]
-    for i in range(1, n):
-        partial = scratch[x, i] - scratch[coupling, i] * partial
-        scratch[x, i] = partial
-    # Backward substitution with D L^T. Row `pivot` contains 1 / D: multiplication divides by D.
-    partial = scratch[x, n - 1] * scratch[pivot, n - 1]
-    scratch[x, n - 1] = partial
-    # `while` as in `tdint.kernels.time_loop.observer.observe`
-    i = n - 1
-    while i > 0:
-        i -= 1
-        partial = scratch[x, i] * scratch[pivot, i] - scratch[coupling, i + 1] * partial
-        scratch[x, i] = partial
+        for i in range(last + 1):
+            value, j = applied(load(scratch, pivot, i), load_unknowns(scratch, x, i)), i
+            while j > 0:
+                of_base = load_unknowns(scratch, x, int(linear_terms[rows.BASE, j]))
+                value = added(value, load(scratch, coupling + upper, j), of_base)
+                j = int(linear_terms[rows.NEXT_ENTRY, j])
+            store_unknowns(scratch, x, i, value)
+        for row in range(unknowns):
+            tie(linear_terms, scratch, x + row)
+
+    return factor, solve
+
+
+# ---- Modal damping
 
 
 @outlined
@@ -214,19 +441,291 @@ def invert(scratch, first, size):
                     scratch[first + i, j] -= multiplier * scratch[first + pivot, j]
 
 
-@outlined
-def factor_damped(factors, modal, scale, n):
-    """Factorize T + scale W^T W for `solve_damped`, with a symmetric tridiagonal matrix T.
+def _woodbury(solve: Any, unknowns: int) -> tuple[Any, Any]:
+    """Return the compiled functions that store the terms of the Woodbury formula, and that correct
+    the solution of `solve`, for a number of unknowns per floor.
 
-    scale W^T W is modal damping, a dense matrix that is never assembled: only T is factorized, and
-    the Woodbury formula corrects the solutions.
+    `store` (factors, damping, n) stores the terms that do not depend on the right side in the rows
+    from `factors.store` on; the matrix T must be factorized. For u unknowns and m modes,
+
+        u^2 m rows    T^-1 U^T: u rows for each of the u m right sides. Right side j is the mode
+                      j % m in the equations of unknown j // m.
+        u m rows      the matrix in brackets
+
+    A temporary row follows. The table has at least u m columns (`tdint.methods.workspace`).
+    `correct` (factors, modal, x, n) subtracts the effect of modal damping from the solution in row
+    `x`.
+    """
+
+    @outlined
+    def store(factors, damping, n):
+        """Store the terms of the Woodbury formula."""
+        scratch, _, _, first, _ = factors
+        modal = damping.modal
+        modes = modal.shape[0]
+        count = unknowns * modes
+        inverse_row = first + unknowns * count
+        for j in range(count):
+            x = first + unknowns * j
+            for part in range(unknowns):
+                is_own = part == j // modes
+                for i in range(n):
+                    scratch[x + part, i] = modal[j % modes, i] if is_own else 0.0
+            solve(factors, x, n)
+        # The mode `j` in the unknown `part` of the solution k, in the equations of each unknown
+        for j in range(modes):
+            for k in range(count):
+                for own in range(unknowns):
+                    is_unit = own * modes + j == k
+                    scratch[inverse_row + own * modes + j, k] = 1.0 if is_unit else 0.0
+                for part in range(unknowns):
+                    product = 0.0
+                    for i in range(n):
+                        product += modal[j, i] * scratch[first + unknowns * k + part, i]
+                    for own in range(unknowns):
+                        scratch[inverse_row + own * modes + j, k] += (
+                            _coefficient(damping, unknowns, own, part) * product
+                        )
+        invert(scratch, inverse_row, count)
+        for j in range(count):
+            for k in range(modes):
+                x, y = scratch[inverse_row + j, k], scratch[inverse_row + j, count - modes + k]
+                for part in range(unknowns):
+                    product = x * _coefficient(damping, unknowns, 0, part)
+                    if unknowns > 1:
+                        product += y * _coefficient(damping, unknowns, 1, part)
+                    scratch[inverse_row + j, part * modes + k] = product
+
+    @outlined
+    def correct(factors, modal, x, n):
+        """Subtract the effect of modal damping from the solution."""
+        scratch, _, _, first, _ = factors
+        modes = modal.shape[0]
+        count = unknowns * modes
+        inverse_row = first + unknowns * count
+        temporary = inverse_row + count
+        for part in range(unknowns):
+            for j in range(modes):
+                product = 0.0
+                for i in range(n):
+                    product += modal[j, i] * scratch[x + part, i]
+                scratch[temporary, part * modes + j] = product
+        for j in range(count):
+            amplitude = 0.0
+            for k in range(count):
+                amplitude += scratch[inverse_row + j, k] * scratch[temporary, k]
+            for part in range(unknowns):
+                for i in range(n):
+                    scratch[x + part, i] -= amplitude * scratch[first + unknowns * j + part, i]
+
+    return store, correct
+
+
+@inline
+def _coefficient(damping, unknowns, part, other):
+    """Return the coefficient of an unknown (0 or 1) in the equations of an unknown."""
+    if unknowns == 1:
+        return damping.xx
+    if part == 0:
+        return damping.xx if other == 0 else damping.xy
+    return damping.yx if other == 0 else damping.yy
+
+
+_factor_numbers, _solve_numbers = _elimination(_NUMBERS)
+_factor_complex, _solve_complex = _elimination(_COMPLEX)
+_factor_blocks, _solve_blocks = _elimination(_BLOCKS)
+_store_woodbury, _correct = _woodbury(_solve_numbers, 1)
+_store_complex_woodbury, _correct_complex = _woodbury(_solve_complex, 2)
+_store_blocks_woodbury, _correct_blocks = _woodbury(_solve_blocks, 2)
+
+
+@inline
+def factor(factors, n):
+    """Factorize a symmetric tridiagonal matrix T in place, for `solve`.
 
     Parameters
     ----------
     factors : Factors
-        Row `pivot` contains the diagonal of T, and row `coupling` in column i the entry (i, i - 1).
-        They receive the factorization. The rows from `store` on receive the terms of the Woodbury
-        formula (`_store_woodbury`).
+        Rows of the entries D_i (`pivot`) and B_i (`coupling`), which receive the factors. The sign
+        of B_i is opposite to that of the matrix entry.
+    n : int
+        Number of floors.
+    """
+    _factor_numbers(factors, n)
+
+
+@inline
+def solve(factors, x, n):
+    """Replace the right side in row `x` by the solution, with the factorization of `factor`.
+
+    Parameters
+    ----------
+    factors : Factors
+        Rows with the factorization.
+    x : int
+        Row of the right side; it receives the solution.
+    n : int
+        Number of floors.
+    """
+    _solve_numbers(factors, x, n)
+
+
+@inline
+def _is_full(linear_terms, modal, n):
+    """Return True if a matrix with two unknowns per floor is factorized as a full matrix.
+
+    The full matrix of a building with n floors needs 4 n scratch rows, but for m damped modes only
+    6 m + 1 rows are reserved (for the Woodbury formula). It can therefore be used if m is at least
+    2 n / 3. For each such m it also needs fewer operations: about (2 n)^3 / 3 for the
+    factorization, compared with about (2 m)^3 + 4 m^2 n + 32 m n for the terms of the Woodbury
+    formula, which is at least 4 n^3. It is not used for trees, because their floors are not in the
+    order of their neighbors.
+    """
+    if FULL and is_tree(linear_terms):
+        return False
+    return 3 * modal.shape[0] >= 2 * n
+
+
+@outlined
+def _factor_full(factors, damping, n):
+    """Factorize a block tridiagonal matrix plus modal damping as a full matrix of 2 x 2 blocks.
+
+    The factorization is a block L U factorization with a unit diagonal of L. The 4 n rows from
+    `factors.store` on contain it: the entries xx of all blocks, one row per floor, then the entries
+    xy, yx and yy. On the diagonal they contain the inverse pivots, below it L, and above it U.
+
+    If a pivot were singular, the solution would be infinite or nan, and the step would report a
+    failure.
+    """
+    scratch, blocks, coupling, xx, _ = factors
+    modal = damping.modal
+    xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
+    for i in range(n):
+        for j in range(n):
+            scratch[xx + i, j] = 0.0
+        for mode in range(modal.shape[0]):
+            amplitude = modal[mode, i]
+            for j in range(n):
+                scratch[xx + i, j] += amplitude * modal[mode, j]
+        for j in range(n):
+            product = scratch[xx + i, j]  # entry (i, j) of W^T W
+            scratch[xx + i, j] = damping.xx * product
+            scratch[xy + i, j] = damping.xy * product
+            scratch[yx + i, j] = damping.yx * product
+            scratch[yy + i, j] = damping.yy * product
+        for entry in range(4):
+            row = xx + entry * n + i
+            scratch[row, i] += scratch[blocks + entry, i]
+            if i > 0:
+                scratch[row, i - 1] -= scratch[coupling + entry, i]
+            if i + 1 < n:
+                scratch[row, i + 1] -= scratch[coupling + entry, i + 1]
+    # Elimination column by column: the block m of L is the block below the pivot times the inverse
+    # pivot.
+    for k in range(n):
+        inverse = _inverse_block(_block(scratch, xx + k, k, n))
+        _store_block(scratch, xx + k, k, inverse, n)
+        for i in range(k + 1, n):
+            m = _product_of_blocks(_block(scratch, xx + i, k, n), inverse)
+            _store_block(scratch, xx + i, k, m, n)
+            for j in range(k + 1, n):
+                own, above = _block(scratch, xx + i, j, n), _block(scratch, xx + k, j, n)
+                _store_block(scratch, xx + i, j, _reduced_block(own, m, above), n)
+
+
+@outlined
+def _solve_full(scratch, xx, x, y, n):
+    """Solve a linear system for two unknowns per floor with the factors of `_factor_full` from row
+    `xx` on."""
+    xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
+    # Forward substitution with L, which has a unit diagonal
+    for i in range(1, n):
+        x_i, y_i = scratch[x, i], scratch[y, i]
+        for j in range(i):
+            x_i -= scratch[xx + i, j] * scratch[x, j] + scratch[xy + i, j] * scratch[y, j]
+            y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
+        scratch[x, i] = x_i
+        scratch[y, i] = y_i
+    # Backward substitution; the diagonal blocks are inverse pivots.
+    # `while` as in `tdint.kernels.time_loop.observer.observe`
+    i = n
+    while i > 0:
+        i -= 1
+        x_i, y_i = scratch[x, i], scratch[y, i]
+        for j in range(i + 1, n):
+            x_i -= scratch[xx + i, j] * scratch[x, j] + scratch[xy + i, j] * scratch[y, j]
+            y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
+        scratch[x, i] = scratch[xx + i, i] * x_i + scratch[xy + i, i] * y_i
+        scratch[y, i] = scratch[yx + i, i] * x_i + scratch[yy + i, i] * y_i
+
+
+# ---- Matrices of the steps
+
+
+@inline
+def _add_to_entry(linear_terms, scratch, row, i):
+    """Move the coupling of link `i` to the column of its matrix entry."""
+    entry = int(linear_terms[rows.ENTRY, i])
+    if entry != i:
+        scratch[row, entry] += scratch[row, i]
+        scratch[row, i] = 0.0
+
+
+@inline
+def link(linear_terms, factors, count, n):
+    """Add the entry of each story to the diagonal entry of its lower floor. The caller has already
+    added it to that of its upper floor. Entries of stories on the ground, which have no lower
+    floor, are set to zero. `count` is the number of rows of an entry.
+    """
+    scratch, pivot, coupling, _, _ = factors
+    for i in range(n):
+        for row in range(count):
+            scratch[coupling + row, i] *= linear_terms[rows.LINK, i]
+    if FULL and is_tree(linear_terms):
+        for i in range(1, n):
+            base = int(linear_terms[rows.BASE, i])
+            for row in range(count):
+                scratch[pivot + row, base] += scratch[coupling + row, i]
+        for i in range(count_masses(linear_terms), n):
+            floor = int(linear_terms[rows.UPPER_FLOOR, i])
+            for row in range(count):
+                scratch[pivot + row, floor] += scratch[pivot + row, i]
+                _add_to_entry(linear_terms, scratch, coupling + row, i)
+        return
+    for i in range(n - 1):
+        for row in range(count):
+            scratch[pivot + row, i] += scratch[coupling + row, i + 1]
+
+
+@outlined
+def link_blocks(linear_terms, factors, n):
+    """Add the 2 x 2 block of each story to the diagonal block of its lower floor (`link`), for
+    `factor_blocks`.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building; row LINK is 0 for a story on the ground, otherwise 1.
+    factors : Factors
+        Four rows from `pivot` on contain the diagonal blocks, row by row of the block, and four
+        rows from `coupling` on the blocks of the stories, which the caller has already added to
+        the diagonal blocks of their upper floors.
+    n : int
+        Number of floors.
+    """
+    link(linear_terms, factors, 4, n)
+
+
+@outlined
+def factor_damped(factors, modal, scale, n):
+    """Factorize T + scale W^T W for `solve_damped`, with a symmetric tridiagonal matrix T.
+
+    Parameters
+    ----------
+    factors : Factors
+        Row `pivot` contains the diagonal of T, and row `coupling` in column i minus the number
+        between the floors i - 1 and i. The rows from `store` on receive the terms of the Woodbury
+        formula.
     modal : ndarray
         W, one row per damped mode.
     scale : float
@@ -236,36 +735,13 @@ def factor_damped(factors, modal, scale, n):
     """
     factor(factors, n)
     if FULL:
-        _store_woodbury(factors, modal, scale, n)
-
-
-@outlined
-def _store_woodbury(factors, modal, scale, n):
-    """Store the terms of the Woodbury formula for s = `scale`: from row `store` on T^-1 W^T, one
-    row per mode, then the matrix in brackets.
-    """
-    scratch, _, _, store, _ = factors
-    modes = modal.shape[0]
-    inverse_row = store + modes
-    for j in range(modes):
-        for i in range(n):
-            scratch[store + j, i] = modal[j, i]
-        solve(factors, store + j, n)
-    for j in range(modes):
-        for k in range(modes):
-            product = 0.0
-            for i in range(n):
-                product += modal[j, i] * scratch[store + k, i]
-            scratch[inverse_row + j, k] = scale * product + (1.0 if j == k else 0.0)
-    invert(scratch, inverse_row, modes)
-    for j in range(modes):
-        for k in range(modes):
-            scratch[inverse_row + j, k] *= scale
+        _store_woodbury(factors, ModalBlocks(modal, scale, 0.0, 0.0, 0.0), n)
 
 
 @inline
 def solve_damped(factors, modal, x, n):
-    """Solve (T + s W^T W) x = b with the factorization of `factor_damped`, including modal damping.
+    """Replace the right side in row `x` by the solution, with the factorization of `factor_damped`,
+    including modal damping.
 
     Parameters
     ----------
@@ -280,30 +756,7 @@ def solve_damped(factors, modal, x, n):
     """
     solve(factors, x, n)
     if FULL and modal.shape[0] > 0:
-        _apply_woodbury(factors.table, modal, factors.store, x, n)
-
-
-@outlined
-def _apply_woodbury(scratch, modal, store, x, n):
-    """Correct the solution of the tridiagonal system for modal damping by the Woodbury formula.
-
-    `store` is the first row of T^-1 W^T; the matrix in brackets and one temporary row follow.
-    """
-    modes = modal.shape[0]
-    inverse_row = store + modes
-    temporary = inverse_row + modes
-    # Row `temporary` receives W x; `amplitude` is an element of the matrix in brackets times W x.
-    for j in range(modes):
-        product = 0.0
-        for i in range(n):
-            product += modal[j, i] * scratch[x, i]
-        scratch[temporary, j] = product
-    for j in range(modes):
-        amplitude = 0.0
-        for k in range(modes):
-            amplitude += scratch[inverse_row + j, k] * scratch[temporary, k]
-        for i in range(n):
-            scratch[x, i] -= amplitude * scratch[store + j, i]
+        _correct(factors, modal, x, n)
 
 
 @inline
@@ -326,7 +779,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
     combination : Combination
         Coefficients by_m, by_c and by_k.
     factors : Factors
-        Table that receives the diagonal (row `pivot`) and the entries (i, i - 1) (row `coupling`).
+        Table that receives the diagonal (row `pivot`) and the stories (row `coupling`).
     n : int
         Number of floors.
     """
@@ -343,17 +796,8 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
             story += by_m * linear_terms[rows.STORY_INERTANCE, i]
             floor += by_m * linear_terms[rows.FLOOR_INERTANCE, i]
         scratch[diagonal, i] = floor + story
-        scratch[coupling, i] = -linear_terms[rows.LINK, i] * story
-    # Add the story above to the diagonal entry of each floor; its coupling is the negative value.
-    if FULL and is_tree(linear_terms):
-        for i in range(1, n):
-            scratch[diagonal, int(linear_terms[rows.BASE, i])] -= scratch[coupling, i]
-        for i in range(count_masses(linear_terms), n):
-            scratch[diagonal, int(linear_terms[rows.UPPER_FLOOR, i])] += scratch[diagonal, i]
-            _add_to_entry(linear_terms, scratch, coupling, i)
-        return
-    for i in range(n - 1):
-        scratch[diagonal, i] -= scratch[coupling, i + 1]
+        scratch[coupling, i] = story
+    link(linear_terms, factors, 1, n)
 
 
 @outlined
@@ -432,78 +876,15 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
 
 
 @outlined
-def link_blocks(linear_terms, factors, n):
-    """Add the 2 x 2 block of each story to the diagonal block of the floor below.
-
-    Story i, with the block B_i, connects floor i and floor i - 1. The caller has already added B_i
-    to the diagonal block of floor i. B_i of stories on the ground, which have no floor below, is
-    set to zero.
-
-    Parameters
-    ----------
-    linear_terms : ndarray
-        Row LINK is used: 0 for a story on the ground, otherwise 1.
-    factors : Factors
-        Table with the four entries of each block, row by row: the diagonal blocks from row `pivot`
-        on, the blocks B_i from row `coupling` on. Their sign remains positive; `factor_blocks`
-        assumes the blocks -B_i between both floors.
-    n : int
-        Number of floors.
-    """
-    scratch, blocks, coupling, _, _ = factors  # `blocks` is the number of row `pivot`.
-    for i in range(n):
-        for entry in range(4):
-            scratch[coupling + entry, i] *= linear_terms[rows.LINK, i]
-    if FULL and is_tree(linear_terms):
-        for i in range(1, n):
-            base = int(linear_terms[rows.BASE, i])
-            for entry in range(4):
-                scratch[blocks + entry, base] += scratch[coupling + entry, i]
-        for i in range(count_masses(linear_terms), n):
-            floor = int(linear_terms[rows.UPPER_FLOOR, i])
-            for entry in range(4):
-                scratch[blocks + entry, floor] += scratch[blocks + entry, i]
-                _add_to_entry(linear_terms, scratch, coupling + entry, i)
-        return
-    for i in range(n - 1):
-        for entry in range(4):
-            scratch[blocks + entry, i] += scratch[coupling + entry, i + 1]
-
-
-@outlined
 def factor_blocks(factors, damping, n):
-    """Factorize a block tridiagonal matrix T with 2 x 2 blocks, plus modal damping.
-
-    Each floor i has a pair of unknowns z_i = (x, y). With the 2 x 2 block D_i of the floor and the
-    block B_i of the story between the floors i - 1 and i, the equations of T z = b are
-
-        -B_i z_(i-1) + D_i z_i - B_(i+1) z_(i+1) = b_i
-
-    The elimination proceeds from the lowest floor upwards and stores, for `solve_blocks`:
-
-        A_0 = D_0^-1,   A_i = (D_i - B_i A_(i-1) B_i)^-1
-        B_i A_(i-1)     factor of floor i - 1 in the forward substitution, upwards
-        A_i B_(i+1)     factor of floor i + 1 in the backward substitution, downwards
-
-    Modal damping is added to T in two ways:
-
-    - usually by the Woodbury formula, which needs solutions with T (`store_woodbury`),
-    - if most modes are damped (`_is_full`), by a factorization of the sum of T and modal damping as
-      a full matrix (`_factor_full`). The factorization of T described above is then omitted.
+    """Factorize a matrix with 2 x 2 blocks, plus modal damping, for `solve_blocks_damped`.
 
     Parameters
     ----------
     factors : Factors
-        Table and its rows. The four entries of a block are in four rows, row by row of the block.
-
-            rows                            before      after
-            pivot to pivot + 3              D_i         A_i
-            coupling to coupling + 3        B_i         B_i A_(i-1)
-            coupling + 4 to coupling + 7                A_i B_(i+1)
-            from store on                               terms of the Woodbury formula
-
-        If most modes are damped, only the rows from `store` on change: they receive the full
-        factorization.
+        Four rows from `pivot` and from `coupling` on contain the blocks D_i and B_i, row by row of
+        the block. The rows from `store` on receive the terms of the Woodbury formula or, if most
+        modes are damped (`_is_full`), the full factorization; the other rows then do not change.
     damping : ModalBlocks
         Modal damping.
     n : int
@@ -512,299 +893,43 @@ def factor_blocks(factors, damping, n):
     if FULL and _is_full(factors.linear_terms, damping.modal, n):
         _factor_full(factors, damping, n)
         return
-    if FULL and is_tree(factors.linear_terms):
-        _factor_tree_blocks(factors, n)
-        _store_blocks_woodbury(factors, damping, n)
-        return
-    scratch, blocks, coupling, _, _ = factors  # `blocks` is the number of row `pivot`
-    # The second half of the coupling rows is for the products A_i B_(i+1).
-    upper = coupling + COUPLING_ROWS // 2
-    for i in range(n):
-        # The block pivot of floor `i` is D_i minus B_i A_(i-1) B_i, with the coupling block B_i to
-        # the floor below and the inverse block pivot A_(i-1) of the floor below; x is A_(i-1) B_i.
-        p, q, r, s = _block(scratch, blocks, i)
-        if i > 0:
-            coupling_block, inverse = _block(scratch, coupling, i), _block(scratch, blocks, i - 1)
-            x = _product(inverse, coupling_block)
-            reduction = _product(coupling_block, x)
-            p -= reduction[0]
-            q -= reduction[1]
-            r -= reduction[2]
-            s -= reduction[3]
-            # A_(i-1) B_i is for the backward and B_i A_(i-1) for the forward substitution.
-            _store_block(scratch, upper, i - 1, x)
-            _store_block(scratch, coupling, i, _product(coupling_block, inverse))
-        _store_block(scratch, blocks, i, _inverse((p, q, r, s)))
-    # There is no floor above the roof.
-    for entry in range(4):
-        scratch[upper + entry, n - 1] = 0.0
+    _factor_blocks(factors, n)
     if FULL:
         _store_blocks_woodbury(factors, damping, n)
 
 
 @inline
-def _block(scratch, row, i, step=1):
-    """Return the 2 x 2 block in column `i`, row by row. Its entries are in rows with the distance
-    `step`."""
-    return (
-        scratch[row, i],
-        scratch[row + step, i],
-        scratch[row + 2 * step, i],
-        scratch[row + 3 * step, i],
-    )
-
-
-@inline
-def _store_block(scratch, row, i, block, step=1):
-    """Store a 2 x 2 block in column `i`, in rows with the distance `step`."""
-    for entry in range(4):
-        scratch[row + entry * step, i] = block[entry]
-
-
-@inline
-def _inverse(block):
-    """Return the inverse of a 2 x 2 block."""
-    p, q, r, s = block
-    inverse = 1.0 / (p * s - q * r)
-    return s * inverse, -q * inverse, -r * inverse, p * inverse
-
-
-@inline
-def _product(a, b):
-    """Return the product of two 2 x 2 blocks."""
-    return (
-        a[0] * b[0] + a[1] * b[2],
-        a[0] * b[1] + a[1] * b[3],
-        a[2] * b[0] + a[3] * b[2],
-        a[2] * b[1] + a[3] * b[3],
-    )
-
-
-@inline
-def _add_block(scratch, row, i, factor, block, step=1):
-    """Add `factor` times a 2 x 2 block to the block in column `i`."""
-    for entry in range(4):
-        scratch[row + entry * step, i] += factor * block[entry]
-
-
-@outlined
-def _factor_tree_blocks(factors, n):
-    """Factorize the matrix of `factor_blocks` for a tree with links, from its tips on.
-
-    With A_i = D_i^-1, the elimination of floor i with the entries -U in its equation and -L in the
-    equation of a lower floor reduces D of this floor by L A_i U. For another lower floor with L'
-    and U', the entries of both floors receive L A_i U' and L' A_i U. The rows of an entry receive
-    L A_i (forward substitution) and A_i U (backward substitution). L and U are equal before the
-    elimination.
-    """
-    scratch, blocks, coupling, _, linear_terms = factors
-    upper = coupling + COUPLING_ROWS // 2
-    for i in range(1, n):
-        _store_block(scratch, upper, i, _block(scratch, coupling, i))
-    # `while` as in `tdint.kernels.time_loop.observer.observe`
-    i = count_masses(linear_terms)
-    while i > 0:
-        i -= 1
-        inverse = _inverse(_block(scratch, blocks, i))
-        _store_block(scratch, blocks, i, inverse)
-        j = i  # column of the entry; 0 after the last lower floor
-        while j > 0:
-            base = int(linear_terms[rows.BASE, j])
-            lower_entry = _block(scratch, coupling, j)
-            upper_entry = _block(scratch, upper, j)
-            by_upper = _product(inverse, upper_entry)
-            _store_block(scratch, upper, j, by_upper)
-            _store_block(scratch, coupling, j, _product(lower_entry, inverse))
-            _add_block(scratch, blocks, base, -1.0, _product(lower_entry, by_upper))
-            k = i
-            while k != j:  # the pairs of this floor and the earlier floors of the list
-                other = int(linear_terms[rows.BASE, k])
-                column = _entry_between(linear_terms, base, other)
-                in_base = _product(lower_entry, _block(scratch, upper, k))
-                in_other = _product(_block(scratch, coupling, k), upper_entry)
-                if base > other:
-                    in_base, in_other = in_other, in_base
-                _add_block(scratch, coupling, column, 1.0, in_base)
-                _add_block(scratch, upper, column, 1.0, in_other)
-                k = int(linear_terms[rows.NEXT_ENTRY, k])
-            j = int(linear_terms[rows.NEXT_ENTRY, j])
-
-
-@inline
-def _is_full(linear_terms, modal, n):
-    """Return True if a matrix with two unknowns per floor is factorized as a full matrix.
-
-    The full matrix of a building with n floors needs 4 n scratch rows, but for m damped modes only
-    6 m + 1 rows are reserved (for the Woodbury formula). It can therefore be used if m is at least
-    2 n / 3. For each such m it also needs fewer operations: about (2 n)^3 / 3 for the
-    factorization, compared with about (2 m)^3 + 4 m^2 n + 32 m n for the terms of the Woodbury
-    formula, which is at least 4 n^3. It is not used for trees, because their floors are not in the
-    order of their neighbors.
-    """
-    if FULL and is_tree(linear_terms):
-        return False
-    return 3 * modal.shape[0] >= 2 * n
-
-
-@outlined
-def _factor_full(factors, damping, n):
-    """Factorize a block tridiagonal matrix plus modal damping as a full matrix of 2 x 2 blocks.
-
-    The factorization is a block L U factorization with a unit diagonal of L. The 4 n rows from
-    `factors.store` on contain it: the entries xx of all blocks, one row per floor, then the entries
-    xy, yx and yy. On the diagonal they contain the inverse pivots, below it L, and above it U.
-
-    If a pivot were singular, the solution would be infinite or nan, and the step would report a
-    failure.
-    """
-    scratch, blocks, coupling, xx, _ = factors
-    modal = damping.modal
-    xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
-    for i in range(n):
-        for j in range(n):
-            scratch[xx + i, j] = 0.0
-        for mode in range(modal.shape[0]):
-            amplitude = modal[mode, i]
-            for j in range(n):
-                scratch[xx + i, j] += amplitude * modal[mode, j]
-        for j in range(n):
-            product = scratch[xx + i, j]  # entry (i, j) of W^T W
-            scratch[xx + i, j] = damping.xx * product
-            scratch[xy + i, j] = damping.xy * product
-            scratch[yx + i, j] = damping.yx * product
-            scratch[yy + i, j] = damping.yy * product
-        for entry in range(4):
-            row = xx + entry * n + i
-            scratch[row, i] += scratch[blocks + entry, i]
-            if i > 0:
-                scratch[row, i - 1] -= scratch[coupling + entry, i]
-            if i + 1 < n:
-                scratch[row, i + 1] -= scratch[coupling + entry, i + 1]
-    # Elimination column by column: the block m of L is the block below the pivot times the inverse
-    # pivot.
-    for k in range(n):
-        inverse = _inverse(_block(scratch, xx + k, k, n))
-        _store_block(scratch, xx + k, k, inverse, n)
-        for i in range(k + 1, n):
-            m = _product(_block(scratch, xx + i, k, n), inverse)
-            _store_block(scratch, xx + i, k, m, n)
-            for j in range(k + 1, n):
-                reduction = _product(m, _block(scratch, xx + k, j, n))
-                _add_block(scratch, xx + i, j, -1.0, reduction, n)
-
-
-@outlined
-def _solve_full(scratch, xx, x, y, n):
-    """Solve a linear system for two unknowns per floor with the factors of `_factor_full` from row
-    `xx` on."""
-    xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
-    # Forward substitution with L, which has a unit diagonal
-    for i in range(1, n):
-        x_i, y_i = scratch[x, i], scratch[y, i]
-        for j in range(i):
-            x_i -= scratch[xx + i, j] * scratch[x, j] + scratch[xy + i, j] * scratch[y, j]
-            y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
-        scratch[x, i] = x_i
-        scratch[y, i] = y_i
-    # Backward substitution; the diagonal blocks are inverse pivots.
-    # `while` as in `tdint.kernels.time_loop.observer.observe`
-    i = n
-    while i > 0:
-        i -= 1
-        x_i, y_i = scratch[x, i], scratch[y, i]
-        for j in range(i + 1, n):
-            x_i -= scratch[xx + i, j] * scratch[x, j] + scratch[xy + i, j] * scratch[y, j]
-            y_i -= scratch[yx + i, j] * scratch[x, j] + scratch[yy + i, j] * scratch[y, j]
-        scratch[x, i] = scratch[xx + i, i] * x_i + scratch[xy + i, i] * y_i
-        scratch[y, i] = scratch[yx + i, i] * x_i + scratch[yy + i, i] * y_i
-
-
-@inline
-def solve_blocks(factors, x, y, n):
-    """Solve a block tridiagonal system with the factorization of `factor_blocks`.
-
-    With the symbols of `factor_blocks`, and without modal damping,
-
-        forward, upwards        f_0 = b_0,   f_i = b_i + B_i A_(i-1) f_(i-1)
-        backward, downwards     z_i = A_i f_i + A_i B_(i+1) z_(i+1)
+def solve_blocks_damped(factors, modal, x, n):
+    """Replace the right side in the rows `x` and `x` + 1 by the solution, with the factorization of
+    `factor_blocks`, including modal damping.
 
     Parameters
     ----------
     factors : Factors
         Rows with the factorization.
-    x, y : int
-        Rows of the right side; they receive the solution.
+    modal : ndarray
+        W, one row per damped mode.
+    x : int
+        First of the two rows of the right side, which receive the solution.
     n : int
         Number of floors.
     """
-    scratch, blocks, coupling, _, linear_terms = factors
-    upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
-    if FULL and is_tree(linear_terms):
-        last = count_masses(linear_terms) - 1
-        for i in range(last, 0, -1):
-            x0, y0, j = scratch[x, i], scratch[y, i], i
-            while j > 0:
-                base = int(linear_terms[rows.BASE, j])
-                scratch[x, base] += scratch[coupling, j] * x0 + scratch[coupling + 1, j] * y0
-                scratch[y, base] += scratch[coupling + 2, j] * x0 + scratch[coupling + 3, j] * y0
-                j = int(linear_terms[rows.NEXT_ENTRY, j])
-        for i in range(last + 1):
-            x0, y0, j = scratch[x, i], scratch[y, i], i
-            x1 = scratch[blocks, i] * x0 + scratch[blocks + 1, i] * y0
-            y1 = scratch[blocks + 2, i] * x0 + scratch[blocks + 3, i] * y0
-            while j > 0:
-                base = int(linear_terms[rows.BASE, j])
-                p, q = scratch[x, base], scratch[y, base]
-                x1 += scratch[upper, j] * p + scratch[upper + 1, j] * q
-                y1 += scratch[upper + 2, j] * p + scratch[upper + 3, j] * q
-                j = int(linear_terms[rows.NEXT_ENTRY, j])
-            scratch[x, i], scratch[y, i] = x1, y1
-        tie(linear_terms, scratch, x)
-        tie(linear_terms, scratch, y)
-        return
-    # Forward substitution: (x0, y0) is f of the floor below.
-    x0 = scratch[x, 0]
-    y0 = scratch[y, 0]
-    for i in range(1, n):
-        forward = scratch[x, i] + scratch[coupling, i] * x0 + scratch[coupling + 1, i] * y0
-        y0 = scratch[y, i] + scratch[coupling + 2, i] * x0 + scratch[coupling + 3, i] * y0
-        x0 = forward
-        scratch[x, i] = x0
-        scratch[y, i] = y0
-    # Backward substitution: (p, q) is the solution z of the floor above, (x0, y0) is f of floor
-    # `i`.
-    p = 0.0
-    q = 0.0
-    # `while` as in `tdint.kernels.time_loop.observer.observe`
-    i = n
-    while i > 0:
-        i -= 1
-        x0 = scratch[x, i]
-        y0 = scratch[y, i]
-        backward = (
-            scratch[blocks, i] * x0
-            + scratch[blocks + 1, i] * y0
-            + scratch[upper, i] * p
-            + scratch[upper + 1, i] * q
-        )
-        q = (
-            scratch[blocks + 2, i] * x0
-            + scratch[blocks + 3, i] * y0
-            + scratch[upper + 2, i] * p
-            + scratch[upper + 3, i] * q
-        )
-        p = backward
-        scratch[x, i] = p
-        scratch[y, i] = q
+    if FULL and _is_full(factors.linear_terms, modal, n):
+        _solve_full(factors.table, factors.store, x, x + 1, n)
+    else:
+        _solve_blocks(factors, x, n)
+        if FULL and modal.shape[0] > 0:
+            _correct_blocks(factors, modal, x, n)
 
 
 @outlined
 def factor_pairs(linear_terms, law_state, root, factors, damping, n):
-    """Factorize the tridiagonal matrix M + l C + l^2 K with a complex number l.
+    """Factorize the complex tridiagonal matrix M + l C + l^2 K, plus modal damping, for
+    `solve_pairs_damped`.
 
     M are the masses, C the floor and story dampers, and K contains the stiffnesses of the current
-    branches of all stories with P-delta. The complex unknown of a floor, x + i y, is stored as the
-    pair of real numbers (x, y). The elimination proceeds from the ground upwards.
+    branches of all stories with P-delta. Two rows from `pivot` and from `coupling` on contain real
+    and imaginary part of an entry.
 
     No pivot is zero if 1 / l has a positive real part and is not real, even if stiffnesses are
     negative.
@@ -822,319 +947,37 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     ----------
     root : tuple of float
         Real and imaginary part of l, in s.
-    factors : Factors
-        Two rows from `pivot` on receive the inverse pivots (real and imaginary part), two rows from
-        `coupling` on the multipliers of the elimination from the ground upwards. The rows from
-        `store` on receive the terms of the Woodbury formula (`_woodbury_storing_function`).
     damping : ModalBlocks
         Modal part of l C. With l = re + i im, the coefficients of the real part x and of the
         imaginary part y of an unknown are xx = re, xy = -im, yx = im and yy = re.
     """
-    if FULL and is_tree(linear_terms):
-        _factor_tree_pairs(linear_terms, law_state, root, factors, n)
-        _store_pairs_woodbury(factors, damping, n)
-        return
     re, im = root
-    scratch, pivot, coupling, _, _ = factors
-    # l^2, and the contribution l C + l^2 K of the first story
+    # l^2
     square_re = re * re - im * im
     square_im = 2.0 * re * im
-    spring = law_state[rows.SLOPE, 0] + linear_terms[rows.GEOMETRIC, 0]
-    damper = linear_terms[rows.STORY_DAMPER, 0]
-    story_re = re * damper + square_re * spring
-    story_im = im * damper + square_im * spring
-    # `link`, `story_re` and `story_im` first describe story i, which is below floor i, and then
-    # story i + 1. There is no floor below the first story.
-    link = 0.0
-    inverse_re = 0.0  # inverse of the pivot of the floor below
-    inverse_im = 0.0
-    for i in range(n):
-        # The pivot p + i q is the diagonal entry minus b^2 / (pivot of the floor below), with the
-        # entry -b between both floors.
-        b_re = link * story_re
-        b_im = link * story_im
-        # The multiplier of the elimination has the opposite sign, because the entry of the matrix
-        # is -b.
-        by_re = b_re * inverse_re - b_im * inverse_im
-        by_im = b_re * inverse_im + b_im * inverse_re
-        p = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i] + story_re
-        q = im * linear_terms[rows.FLOOR_DAMPER, i] + story_im
-        p -= by_re * b_re - by_im * b_im
-        q -= by_re * b_im + by_im * b_re
-        scratch[coupling, i] = -by_re
-        scratch[coupling + 1, i] = -by_im
-        link = linear_terms[rows.LINK, i + 1]
-        spring = law_state[rows.SLOPE, i + 1] + linear_terms[rows.GEOMETRIC, i + 1]
-        damper = linear_terms[rows.STORY_DAMPER, i + 1]
-        story_re = re * damper + square_re * spring
-        story_im = im * damper + square_im * spring
-        p += link * story_re
-        q += link * story_im
-        inverse = 1.0 / (p * p + q * q)
-        inverse_re = p * inverse
-        inverse_im = -q * inverse
-        scratch[pivot, i] = inverse_re
-        scratch[pivot + 1, i] = inverse_im
-    # `solve_pairs` reads the multiplier of the floor above, which does not exist above the roof.
-    scratch[coupling, n] = 0.0
-    scratch[coupling + 1, n] = 0.0
-    if FULL:
-        _store_pairs_woodbury(factors, damping, n)
-
-
-@outlined
-def _factor_tree_pairs(linear_terms, law_state, root, factors, n):
-    """Factorize the matrix of `factor_pairs` for a tree with links, from its tips on."""
-    re, im = root
     scratch, pivot, coupling, _, _ = factors
-    square_re = re * re - im * im
-    square_im = 2.0 * re * im
     for i in range(n):
-        scratch[pivot, i] = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i]
-        scratch[pivot + 1, i] = im * linear_terms[rows.FLOOR_DAMPER, i]
-        scratch[coupling, i] = scratch[coupling + 1, i] = 0.0
-    # The columns of links are first: their contributions are complete before the elimination.
-    # `while` as in `tdint.kernels.time_loop.observer.observe`
-    i = n
-    while i > 0:
-        i -= 1
         spring = law_state[rows.SLOPE, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
         story_re = re * damper + square_re * spring
         story_im = im * damper + square_im * spring
+        floor = linear_terms[rows.MASS, i]
         if FULL and has_inerters(linear_terms):
             story_re += linear_terms[rows.STORY_INERTANCE, i]
-            scratch[pivot, i] += linear_terms[rows.FLOOR_INERTANCE, i]
-        floor, entry = int(linear_terms[rows.UPPER_FLOOR, i]), int(linear_terms[rows.ENTRY, i])
-        scratch[pivot, floor] += story_re
-        scratch[pivot + 1, floor] += story_im
-        if linear_terms[rows.LINK, i] != 0.0:
-            base = int(linear_terms[rows.BASE, i])
-            scratch[pivot, base] += story_re
-            scratch[pivot + 1, base] += story_im
-            scratch[coupling, entry] -= story_re
-            scratch[coupling + 1, entry] -= story_im
-        if floor == i:
-            # All springs at floor `i` have been added to its pivot.
-            _eliminate_pairs(linear_terms, scratch, pivot, coupling, i)
+            floor += linear_terms[rows.FLOOR_INERTANCE, i]
+        scratch[pivot, i] = floor + re * linear_terms[rows.FLOOR_DAMPER, i] + story_re
+        scratch[pivot + 1, i] = im * linear_terms[rows.FLOOR_DAMPER, i] + story_im
+        scratch[coupling, i], scratch[coupling + 1, i] = story_re, story_im
+    link(linear_terms, factors, 2, n)
+    _factor_complex(factors, n)
+    if FULL:
+        _store_complex_woodbury(factors, damping, n)
 
 
 @inline
-def _eliminate_pairs(linear_terms, scratch, pivot, coupling, i):
-    """Invert the complex pivot of floor `i` and eliminate it from the equations of lower floors."""
-    p, q = scratch[pivot, i], scratch[pivot + 1, i]
-    squared = 1.0 / (p * p + q * q)
-    inverse_re, inverse_im = p * squared, -q * squared
-    scratch[pivot, i], scratch[pivot + 1, i] = inverse_re, inverse_im
-    j = i  # column of the entry; 0 after the last lower floor
-    while j > 0:
-        base = int(linear_terms[rows.BASE, j])
-        b_re, b_im = scratch[coupling, j], scratch[coupling + 1, j]
-        by_re = b_re * inverse_re - b_im * inverse_im
-        by_im = b_re * inverse_im + b_im * inverse_re
-        scratch[coupling, j], scratch[coupling + 1, j] = by_re, by_im
-        scratch[pivot, base] -= by_re * b_re - by_im * b_im
-        scratch[pivot + 1, base] -= by_re * b_im + by_im * b_re
-        k = i
-        while k != j:  # the pairs of this floor and the earlier floors of the list
-            column = _entry_between(linear_terms, base, int(linear_terms[rows.BASE, k]))
-            k_re, k_im = scratch[coupling, k], scratch[coupling + 1, k]
-            scratch[coupling, column] -= b_re * k_re - b_im * k_im
-            scratch[coupling + 1, column] -= b_re * k_im + b_im * k_re
-            k = int(linear_terms[rows.NEXT_ENTRY, k])
-        j = int(linear_terms[rows.NEXT_ENTRY, j])
-
-
-@inline
-def solve_pairs(factors, x, y, n):
-    """Solve a complex tridiagonal system with the factorization of `factor_pairs`, without modal
-    damping.
-
-    x and y are the rows of the real and the imaginary part of the right side, which receive the
-    solution. With the right side b, the multipliers m and the inverse pivots g, forward
-    substitution computes f_i = b_i - m_i f_(i-1), and backward substitution z_i = g_i f_i - m_(i+1)
-    z_(i+1).
-    """
-    scratch, pivot, coupling, _, linear_terms = factors
-    if FULL and is_tree(linear_terms):
-        last = count_masses(linear_terms) - 1
-        for i in range(last, 0, -1):
-            x0, y0, j = scratch[x, i], scratch[y, i], i
-            while j > 0:
-                base = int(linear_terms[rows.BASE, j])
-                by_re, by_im = scratch[coupling, j], scratch[coupling + 1, j]
-                scratch[x, base] -= by_re * x0 - by_im * y0
-                scratch[y, base] -= by_re * y0 + by_im * x0
-                j = int(linear_terms[rows.NEXT_ENTRY, j])
-        for i in range(last + 1):
-            re, im = scratch[pivot, i], scratch[pivot + 1, i]
-            x0, y0, j = scratch[x, i], scratch[y, i], i
-            x1, y1 = re * x0 - im * y0, re * y0 + im * x0
-            while j > 0:
-                base = int(linear_terms[rows.BASE, j])
-                by_re, by_im = scratch[coupling, j], scratch[coupling + 1, j]
-                p, q = scratch[x, base], scratch[y, base]
-                x1 -= by_re * p - by_im * q
-                y1 -= by_re * q + by_im * p
-                j = int(linear_terms[rows.NEXT_ENTRY, j])
-            scratch[x, i], scratch[y, i] = x1, y1
-        tie(linear_terms, scratch, x)
-        tie(linear_terms, scratch, y)
-        return
-    # (x0, y0) is the value of the floor below.
-    x0 = scratch[x, 0]
-    y0 = scratch[y, 0]
-    for i in range(1, n):
-        by_re = scratch[coupling, i]
-        by_im = scratch[coupling + 1, i]
-        forward = scratch[x, i] - by_re * x0 + by_im * y0
-        y0 = scratch[y, i] - by_re * y0 - by_im * x0
-        x0 = forward
-        scratch[x, i] = x0
-        scratch[y, i] = y0
-    # (p, q) is the solution of the floor above.
-    p = 0.0
-    q = 0.0
-    # `while` as in `tdint.kernels.time_loop.observer.observe`
-    i = n
-    while i > 0:
-        i -= 1
-        by_re = scratch[coupling, i + 1]
-        by_im = scratch[coupling + 1, i + 1]
-        re = scratch[pivot, i]
-        im = scratch[pivot + 1, i]
-        x0 = scratch[x, i]
-        y0 = scratch[y, i]
-        backward = re * x0 - im * y0 - by_re * p + by_im * q
-        q = re * y0 + im * x0 - by_re * q - by_im * p
-        p = backward
-        scratch[x, i] = p
-        scratch[y, i] = q
-
-
-def _woodbury_storing_function(solve_undamped):
-    """Return a compiled function that stores the terms of the Woodbury formula for two unknowns per
-    floor.
-
-    `solve_undamped` solves the system without modal damping: `solve_blocks` or `solve_pairs`.
-    """
-
-    @outlined
-    def store_woodbury(factors, damping, n):
-        """Compute and store the terms of the Woodbury formula for pairs of unknowns (x, y) per
-        floor, after the factorization of the matrix T without modal damping.
-
-        The inverse of the matrix with modal damping is
-
-            (T + U^T D U)^-1 = T^-1 - T^-1 U^T (I + D U T^-1 U^T)^-1 D U T^-1
-
-        For m damped modes with the mode vectors w_j (rows of `damping.modal`), U has 2 m rows and D
-        is a matrix of 2 m rows and columns. I is an identity matrix:
-
-            U    row j applies w_j to the unknowns x, row m + j applies w_j to the unknowns y
-            D    ((xx I, xy I), (yx I, yy I)) with the coefficients of `damping`
-
-        The terms that do not depend on the right side are stored in the scratch rows from
-        `factors.store` on. The scratch array has at least 2 m columns (`tdint.methods.workspace`),
-        also if the building has fewer floors.
-
-            4 m rows    T^-1 U^T: the solution of T z = (row j of U)^T for each j, in row 2 j for x
-                        and in row 2 j + 1 for y
-            2 m rows    the inverse of the small matrix I + D U T^-1 U^T
-        """
-        scratch, _, _, store, _ = factors
-        modal, xx, xy, yx, yy = damping
-        modes = modal.shape[0]
-        inverse_row = store + 4 * modes
-        # The right side is replaced by the solution.
-        for j in range(2 * modes):
-            x = store + 2 * j
-            for i in range(n):
-                scratch[x, i] = modal[j, i] if j < modes else 0.0
-                scratch[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
-            solve_undamped(factors, x, x + 1, n)
-        # Row j is the equation of mode j in x, and row modes + j is the equation of mode j in y.
-        # `product_x` and `product_y` are the products of mode j with both parts of solution k.
-        for j in range(modes):
-            for k in range(2 * modes):
-                product_x = 0.0
-                product_y = 0.0
-                for i in range(n):
-                    product_x += modal[j, i] * scratch[store + 2 * k, i]
-                    product_y += modal[j, i] * scratch[store + 2 * k + 1, i]
-                scratch[inverse_row + j, k] = (
-                    xx * product_x + xy * product_y + (1.0 if j == k else 0.0)
-                )
-                scratch[inverse_row + modes + j, k] = (
-                    yx * product_x + yy * product_y + (1.0 if modes + j == k else 0.0)
-                )
-        invert(scratch, inverse_row, 2 * modes)
-
-    return store_woodbury
-
-
-_store_blocks_woodbury = _woodbury_storing_function(solve_blocks)
-_store_pairs_woodbury = _woodbury_storing_function(solve_pairs)
-
-
-@outlined
-def _apply_pairs_woodbury(factors, damping, x, y, n):
-    """Correct a solution without modal damping by the Woodbury formula (`store_woodbury`), for
-    pairs of unknowns (x, y) per floor.
-    """
-    scratch, _, _, store, _ = factors
-    modal, xx, xy, yx, yy = damping
-    modes = modal.shape[0]
-    inverse_row = store + 4 * modes
-    temporary = inverse_row + 2 * modes
-    # Row `temporary` receives D U z: the modes in x, then the modes in y.
-    for j in range(modes):
-        product_x = 0.0
-        product_y = 0.0
-        for i in range(n):
-            product_x += modal[j, i] * scratch[x, i]
-            product_y += modal[j, i] * scratch[y, i]
-        scratch[temporary, j] = xx * product_x + xy * product_y
-        scratch[temporary, modes + j] = yx * product_x + yy * product_y
-    for j in range(2 * modes):
-        amplitude = 0.0
-        for k in range(2 * modes):
-            amplitude += scratch[inverse_row + j, k] * scratch[temporary, k]
-        for i in range(n):
-            scratch[x, i] -= amplitude * scratch[store + 2 * j, i]
-            scratch[y, i] -= amplitude * scratch[store + 2 * j + 1, i]
-
-
-@inline
-def solve_blocks_damped(factors, damping, x, y, n):
-    """Solve a linear system with the factorization of `factor_blocks`, including modal damping.
-
-    Parameters
-    ----------
-    factors : Factors
-        Rows with the factorization: of the sum of both matrices as a full matrix if most modes are
-        damped (`_is_full`), otherwise of the block tridiagonal matrix. The solution of the latter
-        is corrected by the Woodbury formula.
-    damping : ModalBlocks
-        Modal damping, with the values for which the matrix was factorized.
-    x, y : int
-        Rows of the right side; they receive the solution.
-    n : int
-        Number of floors.
-    """
-    if FULL and _is_full(factors.linear_terms, damping.modal, n):
-        _solve_full(factors.table, factors.store, x, y, n)
-    else:
-        solve_blocks(factors, x, y, n)
-        if FULL and damping.modal.shape[0] > 0:
-            _apply_pairs_woodbury(factors, damping, x, y, n)
-
-
-@inline
-def solve_pairs_damped(factors, damping, x, y, n):
-    """Solve a complex linear system with the factorization of `factor_pairs`, including modal
-    damping with the same `damping`.
-    """
-    solve_pairs(factors, x, y, n)
-    if FULL and damping.modal.shape[0] > 0:
-        _apply_pairs_woodbury(factors, damping, x, y, n)
+def solve_pairs_damped(factors, modal, x, n):
+    """Replace the right side in the rows `x` and `x` + 1 (real and imaginary part) by the solution,
+    with the factorization of `factor_pairs`, including modal damping."""
+    _solve_complex(factors, x, n)
+    if FULL and modal.shape[0] > 0:
+        _correct_complex(factors, modal, x, n)

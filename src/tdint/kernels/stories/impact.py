@@ -12,15 +12,25 @@ from tdint.kernels.laws import NAMES
 HERTZ = float(NAMES.index("hertz"))
 """Number of the law in row CODE of `law_parameters`."""
 
-# First parameter of the law, m. A run must not import laws that its building does not have.
-_GAP = rows.FIRST_PARAMETER
+# Parameters of the law. A run must not import laws that its building does not have.
+_GAP = rows.FIRST_PARAMETER  # m
+RESTITUTION = rows.FIRST_PARAMETER + 3  # 1 without damping of the contact
+
+
+@inline
+def has_impact(law_parameters, i):
+    """Return True if spring `i` is a contact of Hertz with a restitution below 1.
+
+    The coefficient of tangent damping of another spring of Hertz is that of Rayleigh damping.
+    """
+    return law_parameters[rows.CODE, i] == HERTZ and law_parameters[RESTITUTION, i] != 1.0
 
 
 @outlined
 def start_impact(law_parameters, law_state, i, rate):
     """Store the inverse of the approach velocity `rate` (m/s) of spring `i`, if it is a contact of
     Hertz that is closed. A contact with the rate 0 has no damping."""
-    if law_parameters[rows.CODE, i] == HERTZ and law_state[rows.SLOPE, i] == math.inf:
+    if has_impact(law_parameters, i) and law_state[rows.SLOPE, i] == math.inf:
         law_state[rows.INTERNAL, i] = 1.0 / abs(rate) if rate != 0.0 else 0.0
 
 
@@ -29,7 +39,7 @@ def damping_slope(law_parameters, law_state, i, block, tangent):
     """Return the factor of the drift rate in the force of tangent damping of spring `i`, divided by
     its coefficient: the tangent stiffness `tangent`, N/m, or in a contact of Hertz the force in
     `block` times INTERNAL."""
-    if law_parameters[rows.CODE, i] != HERTZ:
+    if not has_impact(law_parameters, i):
         return tangent
     return law_state[rows.INTERNAL, i] * abs(law_state[block + rows.FORCE, i])
 

@@ -21,7 +21,6 @@ from tdint.kernels.linear_terms import (
     base_of,
     below_next,
     force_value,
-    is_tree,
     power_damper,
     tie,
 )
@@ -439,7 +438,7 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
         drift_jump = jump - linear_terms[rows.LINK, i] * below
         change = 2.0 * observer_state[rows.DASHPOT_FACTOR, i] * drift_jump
         totals[rows.RATE_DASHPOTS] += change
-        if FULL and is_tree(linear_terms):
+        if FULL:
             observer_state[rows.DASHPOT_RATE, i] += change
     # START_FORCE contains the tables only. The harmonic forces are first.
     for j in range(forces.shape[0]):

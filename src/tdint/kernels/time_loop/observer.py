@@ -507,7 +507,8 @@ def _observe_dashpots(span, linear_terms, memory, seen):
         half_derivative = linear_force + 0.5 * (dashpot_force + dashpot_tangent * rate)
         story_power_rate = 2.0 * half_derivative * ends.a1
         power_rate += story_power_rate
-        if FULL and is_tree(linear_terms):
+        # An attachment on the roof is a further story of a chain (`is_tree` is False).
+        if FULL:
             change = observer_state[rows.DASHPOT_RATE, i] - story_power_rate
             observer_state[rows.DASHPOT_WORK, i] += _work(
                 h, observer_state[rows.DASHPOT_POWER, i], story_power, change
@@ -644,8 +645,7 @@ def observe_within_step(update_located_peaks, may_exceed, scene, span, memory, s
     response at the endpoints. The quantities depend on the method:
 
         no peaks computed by the method                     all quantities
-        peaks computed, parabolic displacements (on_path)   all quantities except absolute
-                                                            accelerations and total shears
+        peaks computed, parabolic displacements (on_path)   displacements, drifts and shears
         peaks computed, other methods                       no quantity
 
     If the building has modes that the step does not resolve (`span.fast`), the former velocities
@@ -758,7 +758,7 @@ def shift_ground(scene, load, shifts, memory, seen):
     # The rows *_PER_ACCELERATION contain half of the change of a rate per unit change of a.
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
-    if FULL and is_tree(linear_terms):
+    if FULL:
         for i in range(n):
             observer_state[rows.DASHPOT_RATE, i] += (
                 2.0 * shift * (1.0 - linear_terms[rows.LINK, i])

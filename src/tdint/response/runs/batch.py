@@ -319,7 +319,7 @@ def run_batch(
     def case(i: int) -> Case:
         """Return the case of run `i`."""
         record, scale, _ = runs[i]
-        return (samples.subject_of(i) if samples else subject).case(record, scale)
+        return (samples.subject_of(i) if samples else subject).case(record, scale).silenced()
 
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]

@@ -137,6 +137,9 @@ class Case(Described):
         of its runs.
     across : Case | None
         Case of direction y of a building in two directions; the case itself is for direction x.
+    silent : bool
+        Omit all warnings and notes, because nobody reads them: of the runs of a study, which
+        reports those on its inputs once, and of additional runs.
     """
 
     model: Model
@@ -146,6 +149,7 @@ class Case(Described):
     allow_unstable: bool = False
     remarks: tuple[str, ...] = ()
     across: Case | None = None
+    silent: bool = False
 
     def _headline(self) -> str:
         motion = f"under {self.record.name}" if self.record else "without ground motion"
@@ -207,9 +211,7 @@ class Case(Described):
         )
 
     def integrated_by(self, method: Integrator) -> Case:
-        """Return the same building and ground motion with another method, without the remarks.
-
-        Ground motion and warnings on the input are the same, and are not computed again.
+        """Return the same building and ground motion with another method, as a silent case.
 
         Parameters
         ----------
@@ -220,10 +222,13 @@ class Case(Described):
         -------
         Case
         """
-        case = replace(self, method=method, remarks=())
-        for name in ("ground", "plausibility_warnings", "_baseline_notes"):
-            vars(case)[name] = getattr(self, name)
+        case = replace(self, method=method, silent=True)
+        vars(case)["ground"] = self.ground
         return case
+
+    def silenced(self) -> Case:
+        """Return the same case without warnings and notes (`silent`)."""
+        return replace(self, silent=True, across=self.across and self.across.silenced())
 
     def throughout(self, record: Record) -> Case:
         """Return the same building and method under another ground motion, without the duration in
@@ -637,15 +642,17 @@ class Case(Described):
         collapse if the run failed after it."""
         space = result.space
         energy, stories = named_energies(space.totals), story_peaks(self.building, space)
-        warnings = (
+        warnings: tuple[str, ...] = ()
+        if not self.silent:
             # Warnings on the input are first, because all results depend on the input. A warning of
             # an unusual ductility precedes the warning of the energy imbalance, because it may be
             # due to a wrong unit, which a smaller step would not correct.
-            *self.plausibility_warnings,
-            *self._long_step_warnings(steps),
-            *self._demand_warnings(stories),
-            *self._imbalance_warnings(energy),
-        )
+            warnings = (
+                *self.plausibility_warnings,
+                *self._long_step_warnings(steps),
+                *self._demand_warnings(stories),
+                *self._imbalance_warnings(energy),
+            )
         growth = 0.0
         if not (steps.continues or self.record is None or self.model.excitation.has_forces):
             is_at_rest = steps.count * steps.h >= self.record.duration
@@ -712,6 +719,8 @@ class Case(Described):
             warnings=warnings,
             elements=elements,
         )
+        if self.silent:
+            return replace(response, growth=growth, warnings=())
         return replace(
             response,
             notes=self._notes(response, steps, oscillation),

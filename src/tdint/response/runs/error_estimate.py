@@ -126,6 +126,17 @@ are wrong. The additional run has half the steps of the additional run of a run 
 interval as its time step.
 """
 
+_PARTS_WITH_STOPS = 3
+"""Number of steps of the additional run in a step of a run with stops. The rest of a step after the
+closing of a stop has a large error. After a closing in the last half of the step, the additional
+run with half the step has the same rest with the same error. With a third of the step, only a
+closing in the last third has the same rest, and the other errors differ more. With 2, 3 and 4
+parts, .42, .05 and .03 % of the true errors exceed twice the estimate (34 722 values of 293 random
+buildings with stops without dashpots), for 1, 1.17 and 1.33 times the processor time of a run with
+its estimate. In buildings without stops, no true error of 3688 exceeds twice the estimate with 2
+parts.
+"""
+
 _LONG_OF_PERIOD, _SHORT_OF_PERIOD, _MOST_PARTS = 20, 50, 50
 """Time steps of the additional run without a record. If the first period contains fewer than
 `_LONG_OF_PERIOD` steps of the run, the additional run has about `_SHORT_OF_PERIOD` steps in the
@@ -184,7 +195,10 @@ def run_with_error_estimate(
 
     def additional(shorter: Steps) -> Response | FailedRun:
         """Return the additional run, unless the run ended at another time than expected."""
-        return begun() if begun and shorter == expected else attempt(reference(case), shorter)
+        if begun and shorter == expected:
+            result: Response | FailedRun = begun()
+            return result
+        return attempt(reference(case), shorter, history and history_errors)
 
     response = case.integrate(steps, history)
     return with_error_estimate(
@@ -273,8 +287,9 @@ def reference_steps(case: Case, steps: Steps) -> Steps:
     They have half the length (`shorter_steps`), or a quarter if another method estimates the errors
     (`reference_method`), or if a method of order 3 and more integrates braces of dampers or tangent
     damping: where their forces have a kink within a step, both steps can miss the same part of a
-    total shear. Without a record the steps are shorter if the step is long in relation to the first
-    period (`_LONG_OF_PERIOD`).
+    total shear. In other buildings with stops they have a third (`_PARTS_WITH_STOPS`). Without a
+    record the steps are shorter if the step is long in relation to the first period
+    (`_LONG_OF_PERIOD`).
     """
     shorter = (
         shorter_steps(steps) if case.record is not None else _steps_without_record(case, steps)
@@ -282,7 +297,11 @@ def reference_steps(case: Case, steps: Steps) -> Steps:
     has_kinks = case.method.order >= _MIN_HIGH_ORDER and (
         case.building.braced or case.building.tangent_damped
     )
-    return finer(shorter) if has_kinks or _other_method(case) else shorter
+    if has_kinks or _other_method(case):
+        return finer(shorter)
+    if case.building.has_stops and shorter == finer(steps):
+        return finer(steps, _PARTS_WITH_STOPS if steps.stride % 2 else 4)
+    return shorter
 
 
 def _steps_without_record(case: Case, steps: Steps) -> Steps:
@@ -355,7 +374,7 @@ def with_error_estimate(
         for name in ("dissipated_energy", "inerter_force"):
             own, finer_value = getattr(response.devices, name), getattr(other.devices, name)
             if own is not None:
-                error = _extrapolated(own, finer_value, np.abs(own), factors(case.method))
+                error = extrapolated(own, finer_value, np.abs(own), factors(case.method))
                 more[f"{name}_error"] = error
         devices = replace(response.devices, errors=device_errors, **more)
         response = replace(response, devices=devices)
@@ -367,7 +386,7 @@ def with_error_estimate(
         response.stories,
         errors,
         elements=element_errors(response, other, factors(case.method), errors, start),
-        hysteretic_energy=_extrapolated(
+        hysteretic_energy=extrapolated(
             response.hysteretic_energy,
             other.hysteretic_energy,
             response.hysteretic_energy,
@@ -394,10 +413,14 @@ def with_error_estimate(
 
         ratio = round(response.dt / other.dt)
         history = response.history and with_error(
-            response.history, History.joined(other.history_chunks(ratio))
+            response.history,
+            other.history.every(ratio)
+            if other.history
+            else History.joined(other.history_chunks(ratio)),
         )
         chunks = partial(chunks_with_error, response.history_chunks, other.history_chunks, ratio)
         response = replace(response, history=history, history_chunks=chunks)
+        check = replace(check, history=other.history)
     return replace(response, check=check)
 
 
@@ -480,7 +503,7 @@ def _later_peaks(case: Case, steps: Steps, start: StoryPeaks) -> StoryErrors | N
         return None
     by = EstimateFactors(_LATER_FACTOR, _MOST)
     peaks = {name: (getattr(fine, name), getattr(coarse, name)) for name in names}
-    later = {name: f + _extrapolated(f, c, f, by) for name, (f, c) in peaks.items()}
+    later = {name: f + extrapolated(f, c, f, by) for name, (f, c) in peaks.items()}
     return StoryErrors(**later, residual_drift=np.zeros_like(start.residual_drift))
 
 
@@ -526,7 +549,7 @@ def story_errors(
         """Return the errors of a quantity in each story by the formula of the module docstring."""
         # Errors of residual drifts are related to peak drifts, because residual drifts can be 0.
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
-        error = _extrapolated(
+        error = extrapolated(
             getattr(response.stories, name), getattr(other.stories, name), size, by, stories
         )
         # For residual drifts, the bound is the change of the drift after the requested time
@@ -581,10 +604,10 @@ def element_errors(
     drift, story = response.stories.peak_drift, elements.story - 1
     excess = _missed_excess(response, other, start, "peak_drift")
     relative = np.divide(excess, drift, out=np.zeros_like(drift), where=drift > 0.0)
-    force_error = _extrapolated(elements.peak_force, others.peak_force, elements.peak_force, by)
+    force_error = extrapolated(elements.peak_force, others.peak_force, elements.peak_force, by)
     return ElementValues(
         peak_force=np.maximum(force_error, relative[story] * elements.peak_force),
-        dissipated_energy=_extrapolated(
+        dissipated_energy=extrapolated(
             elements.dissipated_energy,
             others.dissipated_energy,
             np.abs(elements.dissipated_energy),
@@ -601,23 +624,23 @@ def flexure_errors(peaks: FlexureValues, others: FlexureValues, growth: float) -
     values: dict[str, Any] = {}
     for quantity in FLEXURE_QUANTITIES:
         value, other = (np.atleast_1d(getattr(item, quantity.name)) for item in (peaks, others))
-        error = np.maximum(_extrapolated(value, other, value, _LOW_ORDER), growth * value)
+        error = np.maximum(extrapolated(value, other, value, _LOW_ORDER), growth * value)
         is_scalar = isinstance(getattr(peaks, quantity.name), float)
         values[quantity.name] = float(error[0]) if is_scalar else error
     return FlexureValues(**values)
 
 
-def _extrapolated(
+def extrapolated(
     values: Array, others: Array, size: Array, by: EstimateFactors, stories: int | None = None
 ) -> Array:
     """Return errors from the difference to a more accurate run, with minima relative to `size`;
     `stories` as in `common`."""
     difference = np.abs(values - others)
-    extrapolated = by.difference * difference
-    minimum = COMMON * common(extrapolated, size, stories)
+    error = by.difference * difference
+    minimum = COMMON * common(error, size, stories)
     if by.most < math.inf:
         minimum = np.minimum(minimum, by.most * difference)
-    return np.asarray(np.maximum(extrapolated, np.maximum(minimum, FLOOR * size)))
+    return np.asarray(np.maximum(error, np.maximum(minimum, FLOOR * size)))
 
 
 def common(errors: Array, size: Array, stories: int | None = None) -> Array:
@@ -696,6 +719,14 @@ def attempt(case: Case, steps: Steps, history: bool = False) -> Response | Faile
         return case.integrate(steps, history)
     except FailedRun as failure:
         return failure
+
+
+def without_additional_history(response: Response) -> Response:
+    """Return a response without the history of its additional run, which only the resultants of two
+    directions need."""
+    if response.check is None or response.check.history is None:
+        return response
+    return replace(response, check=replace(response.check, history=None))
 
 
 def _unknown(response: Response, reason: str) -> Response:

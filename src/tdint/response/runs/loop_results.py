@@ -141,19 +141,44 @@ def possible_growth(
     the story with the largest growth.
 
     The drift of a story in free vibration is at most its distance from zero without a force plus
-    its amplitude (`residual_oscillation`) with the first period of the building (s). If the ground
-    moves at the end (`is_at_rest` is False), only stories count with a drift that is the peak and
-    increases.
+    its amplitude (`residual_oscillation`) with the first period of the building (s), or less if it
+    yields (`_reach_of_yielding`). If the ground moves at the end (`is_at_rest` is False), only
+    stories count with a drift that is the peak and increases.
     """
     drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]
-    reach = np.abs(drift - building.rest_distance(space.law_state)[0])
+    rate = building.drifts(space.state[rows.VELOCITY])
+    distance, present = building.rest_distance(space.law_state)
     inverse_omega = period / (2.0 * np.pi) if np.isfinite(period) else None
-    reach = reach + residual_oscillation(building, space, inverse_omega)
+    amplitude = residual_oscillation(building, space, inverse_omega)
+    reach = np.abs(drift - distance) + amplitude
+    yields = (building.initial_stiffness > present) & (distance * rate > 0.0)
+    smaller = np.minimum(reach, _reach_of_yielding(building, drift, distance, amplitude, present))
+    reach = np.where(yields, smaller, reach)
     counts = peak > 0.0
     if not is_at_rest:
-        rate = building.drifts(space.state[rows.VELOCITY])
         counts &= (np.abs(drift) >= peak) & (drift * rate > 0.0)
     return float(np.max(reach[counts] / peak[counts] - 1.0, initial=0.0))
+
+
+def _reach_of_yielding(
+    building: Building, drift: Array, distance: Array, amplitude: Array, present: Array
+) -> Array:
+    """Return the largest absolute drifts in free vibration of stories that yield, m.
+
+    `drift` - `distance` are the drifts without a force on the present branches, with the slopes
+    `present`. A story continues on its branch until the work of its force has consumed the energy
+    of the amplitude of its drift rate, (amplitude^2 - distance^2) present / 2. From there it
+    unloads with its initial stiffness and swings about the drift without a force.
+    """
+    force = np.abs(distance * present)
+    twice_energy = present * np.maximum(amplitude**2 - distance**2, 0.0)
+    # Positive root x of force x + present x^2 / 2 = energy
+    divisor = force + np.sqrt(force**2 + present * twice_energy)
+    further = np.divide(twice_energy, divisor, out=np.zeros_like(drift), where=divisor > 0.0)
+    direction = np.sign(distance)
+    last = drift + direction * further
+    elastic = (force + present * further) / np.maximum(building.initial_stiffness, present)
+    return np.asarray(np.maximum(np.abs(last), np.abs(last - direction * elastic) + elastic))
 
 
 def with_growth(errors: StoryErrors, stories: StoryPeaks, growth: float) -> StoryErrors:

@@ -325,6 +325,8 @@ class ErrorEstimate(Described):
         Estimated errors of the elements of stories with several elements.
     hysteretic_energy : ndarray | None
         Estimated errors of `Response.hysteretic_energy`, J.
+    history : History | None
+        History of the additional run, if the errors of a history in memory were estimated.
     """
 
     errors: StoryErrors
@@ -336,6 +338,7 @@ class ErrorEstimate(Described):
     corrected: StoryPeaks | None = None
     elements: "ElementValues | None" = None
     hysteretic_energy: Array | None = field(default=None, compare=False)
+    history: "History | None" = field(default=None, compare=False)
 
     def _headline(self) -> str:
         if self.drift_error is None:
@@ -692,8 +695,9 @@ class Response(Tabular):
 
         if self.collapse is not None:
             return np.full(len(self.model.stories), np.nan)
-        building = self.final_state.building
-        yield_drift = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
+        # Without the columns of attachments and links
+        yield_drift = self.final_state.building.yield_drift[: len(self.model.stories)]
+        yield_drift = np.where(np.isfinite(yield_drift), yield_drift, np.nan)
         return park_ang(
             self.stories.peak_drift,
             self.hysteretic_energy,

@@ -24,7 +24,11 @@ from tdint.response.arguments import (
 )
 from tdint.response.defaults import NO_METHOD
 from tdint.response.runs.case import Case
-from tdint.response.runs.error_estimate import run_until_rest, run_with_error_estimate
+from tdint.response.runs.error_estimate import (
+    run_until_rest,
+    run_with_error_estimate,
+    without_additional_history,
+)
 from tdint.response.runs.outcome import FailedRun as FailedRun
 from tdint.response.runs.outcome import Response, ResponseWithHistory
 from tdint.response.runs.prepared import PreparedBuilding
@@ -347,13 +351,14 @@ def run_case(
         until_rest=until_rest,
         check=not (check is False or is_continued),
     )
-    return integrate_case(
+    response = integrate_case(
         case,
         settings,
         history=history,
         history_errors=bool(check),
         tolerance=ratio_of(tolerance, "tolerance"),
     )
+    return without_additional_history(response)
 
 
 def integrate_case(

@@ -3,14 +3,16 @@
 Both runs have the same method, time step and end. The resultant of a quantity at a time is the
 length of the vector (x, y) in plan. Its peak is located between time steps: within a step,
 displacements and drifts are the quintics of `tdint.kernels.step_interpolant`, accelerations their
-deviations from a straight line, and the base shear changes by the deviation of the drift times the
-slope of the force over the drift near the step. The convex hull of the Bezier points of a vector
+deviations from a straight line, and shears change by the deviation of the drift times the slope of
+the force over the drift near the step, or by two slopes if the story yields or unloads in the step
+(`_corners`). The convex hull of the Bezier points of a vector
 with polynomial components contains its curve, so that only steps with a Bezier point outside of the
 largest circle at the time steps are searched.
 
 The resultant is at least the larger of the peaks x and y of the separate runs, and at most their
-SRSS. Its estimated error is the SRSS of the errors of x and y. The error of x or y is the larger of
-the error of the peak and the error of the history at the time of the resultant.
+SRSS. Its estimated error is the larger of the error from the difference to the resultant of the
+additional runs, and the SRSS of the errors of x and y. The error of x or y is the larger of the
+error of the peak and the error of the history at the time of the resultant.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from itertools import product
 from operator import add
 from typing import Any
 
@@ -27,8 +30,14 @@ import numpy as np
 from tdint.arrays import Array, each_array
 from tdint.errors import UsageError
 from tdint.ground_motion.axes import PairRecord
+from tdint.methods.catalogue import parse
 from tdint.response.runs import outcome
 from tdint.response.runs.case import Case
+from tdint.response.runs.error_estimate import (
+    extrapolated,
+    factors,
+    without_additional_history,
+)
 from tdint.response.runs.history import History
 from tdint.response.runs.settings import RunSettings
 
@@ -116,6 +125,97 @@ def _shears(history: History, drifts: Array) -> Array:
     return deviation
 
 
+_CORNER = 0.05
+"""Dimensionless. Change of the slope of a force over the drift from the step before to the step
+after a step, relative to the larger slope, above which the step has a corner. Curved laws change
+their slope gradually; a single slope is then as accurate."""
+
+
+def _corners(history: History) -> tuple[Array, Array, Array]:
+    """Return the slopes of the forces before and after a corner in each step, N/m, and the drifts
+    at the corners, m, shapes (steps, n); nan without a corner.
+
+    The slopes are those of the step before and of the step after. The corner is the intersection
+    of the line with the first slope through the start and of the line with the second slope
+    through the end, both for a story that yields and at a reversal.
+    """
+    drift, force = history.drift, history.shear
+    change, rise = np.diff(drift, axis=0), np.diff(force, axis=0)
+    slope = np.divide(rise, change, out=np.full_like(rise, np.nan), where=change != 0.0)
+    padded = np.pad(slope, ((1, 1), (0, 0)), constant_values=np.nan)
+    before, after = padded[:-2], padded[2:]
+    difference = before - after
+    has_corner = np.abs(difference) > _CORNER * np.maximum(np.abs(before), np.abs(after))
+    corner = np.divide(
+        rise + before * drift[:-1] - after * drift[1:],
+        difference,
+        out=np.full_like(rise, np.nan),
+        where=has_corner,
+    )
+    return before, after, corner
+
+
+def _parts_of_step(
+    history: History, polynomials: dict[str, Array], corners: tuple[Array, Array, Array], i: Any
+) -> list[tuple[float, float, Array]]:
+    """Return the parts of the step and story `i` (indices) without a corner of the force: start,
+    end and coefficients of the force."""
+    step, story = i
+    drifts, shears = (polynomials[name][:, step, story] for name in ("drift", "shear"))
+    before, after, corner = (values[i] for values in corners)
+    if np.isfinite(corner):
+        offset = drifts.copy()
+        offset[0] -= corner
+        roots = np.roots(offset[::-1])
+        # At a reversal the polynomial of the drift touches the corner, within the error of both.
+        extrema = np.roots(np.polyder(offset[::-1]))
+        for found in (roots, extrema):
+            s = found.real[(np.abs(found.imag) < 1e-9) & (found.real > 0.0) & (found.real < 1.0)]
+            if s.size:
+                first, second = before * drifts, after * drifts
+                first[0] = history.shear[i]
+                second[0] = history.shear[step + 1, story] - second[1:].sum()
+                return [(0.0, float(s[0]), first), (float(s[0]), 1.0, second)]
+    return [(0.0, 1.0, shears)]
+
+
+def _peaks_of_shears(
+    histories: Sequence[History], polynomials: Sequence[dict[str, Array]]
+) -> tuple[Array, Array, Array, Array]:
+    """Return the peaks of the resultant shears as `peak_of_vector`, with the corners of the forces
+    in the steps."""
+    x, y = (terms["shear"] for terms in polynomials)
+    corners = [_corners(history) for history in histories]
+    largest = []  # absolute values of the components at both ends and at the corner of each step
+    for history, (before, _, corner) in zip(histories, corners, strict=True):
+        force = np.abs(history.shear)
+        at_corner = history.shear[:-1] + before * (corner - history.drift[:-1])
+        largest.append(np.fmax(np.fmax(force[:-1], force[1:]), np.abs(at_corner)))
+    bounds = np.hypot(*largest)
+    has_corner = np.isfinite(corners[0][2]) | np.isfinite(corners[1][2])
+    # A step with a corner is a straight line here: its ends count, and not its polynomials.
+    is_line = np.broadcast_to(has_corner, x.shape)
+    smooth = []
+    for terms, history in zip((x, y), histories, strict=True):
+        line = np.zeros_like(terms)
+        line[:2] = lines(history.shear)
+        smooth.append(np.where(is_line, line, terms))
+    peaks = np.array(peak_of_vector(*smooth))
+    near = np.argwhere(has_corner & (bounds > peaks[0]))
+    for step, story in near[np.argsort(-bounds[tuple(near.T)])].tolist():
+        if bounds[step, story] > peaks[0, story]:
+            parts = [
+                _parts_of_step(*item, (step, story))
+                for item in zip(histories, polynomials, corners, strict=True)
+            ]
+            for (a, b, x_terms), (c, d, y_terms) in product(*parts):
+                part = max(a, c), min(b, d)
+                if part[0] < part[1]:
+                    found = _peak_in_step(x_terms, y_terms, step, part)
+                    peaks[:, story] = max(tuple(peaks[:, story]), found)
+    return tuple(peaks)
+
+
 def peak_of_vector(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
     """Return the peaks of the length of vectors with polynomial components.
 
@@ -136,23 +236,27 @@ def peak_of_vector(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
     )
     peaks = []
     for x_terms, y_terms in zip(np.moveaxis(x, 2, 0), np.moveaxis(y, 2, 0), strict=True):
-        points = np.hypot(bezier @ x_terms, bezier @ y_terms)
+        squares = (bezier @ x_terms) ** 2 + (bezier @ y_terms) ** 2
         # The first and the last Bezier points are the values at the time steps.
-        step = int(np.argmax(points[-1]))
-        best = points[-1, step], step + 1.0, x_terms[:, step].sum(), y_terms[:, step].sum()
-        if points[0, 0] > best[0]:
-            best = points[0, 0], 0.0, x_terms[0, 0], y_terms[0, 0]
-        bounds = points.max(axis=0)
-        for step in np.flatnonzero(bounds > best[0]).tolist():
-            if bounds[step] > best[0]:
+        step = int(np.argmax(squares[-1]))
+        x_end, y_end = x_terms[:, step].sum(), y_terms[:, step].sum()
+        best = np.hypot(x_end, y_end), step + 1.0, x_end, y_end
+        if squares[0, 0] > squares[-1, step]:
+            best = np.hypot(x_terms[0, 0], y_terms[0, 0]), 0.0, x_terms[0, 0], y_terms[0, 0]
+        bounds = squares.max(axis=0)
+        near = np.flatnonzero(bounds > best[0] ** 2)
+        for step in near[np.argsort(-bounds[near])].tolist():
+            if bounds[step] > best[0] ** 2:
                 best = max(best, _peak_in_step(x_terms[:, step], y_terms[:, step], step))
         peaks.append(best)
     length, time, x_peak, y_peak = np.array(peaks, dtype=np.float64).T
     return length, time, x_peak, y_peak
 
 
-def _peak_in_step(x: Array, y: Array, step: int) -> tuple[float, float, float, float]:
-    """Return the peak within a step as length, time in steps, and both components."""
+def _peak_in_step(
+    x: Array, y: Array, step: int, part: tuple[float, float] = (0.0, 1.0)
+) -> tuple[float, float, float, float]:
+    """Return the peak within a part of a step as length, time in steps, and both components."""
     from numpy.polynomial import polynomial
 
     # Half the derivative of the squared length
@@ -160,8 +264,7 @@ def _peak_in_step(x: Array, y: Array, step: int) -> tuple[float, float, float, f
         *(polynomial.polymul(values, polynomial.polyder(values)) for values in (x, y))
     )
     roots = polynomial.polyroots(np.trim_zeros(rate, "b")) if rate.any() else np.empty(0)
-    s = np.clip(roots.real, 0.0, 1.0)
-    s = s if s.size else np.zeros(1)
+    s = np.append(np.clip(roots.real, *part), part)
     components = polynomial.polyval(s, np.column_stack((x, y)))
     lengths = np.hypot(*components)
     best = int(np.argmax(lengths))
@@ -177,6 +280,10 @@ _OF_HISTORY = {
     "shear": "peak_shear",
 }
 """Quantities with a resultant between time steps, and the names of their peaks."""
+
+_NEAR_PEAK = 0.9
+"""Dimensionless. Resultants of additional runs are located from the first to the last time step
+with a resultant of at least this part of its maximum."""
 
 
 def _polynomials(history: History, h: float) -> dict[str, Array]:
@@ -206,10 +313,10 @@ def resultants_of(responses: Sequence[outcome.Response], rows: int) -> outcome.R
     h = responses[0].dt
     histories = [each_array(lambda array: array[:rows], _history(run)) for run in responses]
     polynomials = [_polynomials(history, h) for history in histories]
+    others, by = _of_additional_runs(responses, rows), factors(parse(responses[0].method))
     result = {}
     for name, peak_name in _OF_HISTORY.items():
-        along, across = (terms[name] for terms in polynomials)
-        length, steps, x, y = peak_of_vector(along, across)
+        length, steps, x, y = _peaks(name, histories, polynomials)
         peaks = [
             getattr(run.stories, peak_name)
             if rows == len(_history(run).time)
@@ -217,16 +324,56 @@ def resultants_of(responses: Sequence[outcome.Response], rows: int) -> outcome.R
             for run, terms in zip(responses, polynomials, strict=True)
         ]
         row = np.rint(steps).astype(np.int64)
-        errors = [_error(run, name, peak_name, row) for run in responses]
+        value = np.clip(length, np.maximum(*peaks), np.hypot(*peaks))
+        error = np.hypot(*(_error(run, name, peak_name, row) for run in responses))
+        if name in others:
+            error = np.maximum(error, extrapolated(value, others[name], value, by))
         result[name] = outcome.Resultant(
-            np.clip(length, np.maximum(*peaks), np.hypot(*peaks)),
+            value,
             h * steps,
             np.degrees(np.arctan2(y, x)) % 360.0,
             x=peaks[0],
             y=peaks[1],
-            error=np.hypot(*errors),
+            error=error,
         )
     return outcome.Resultants(**result)
+
+
+def _peaks(
+    name: str, histories: Sequence[History], polynomials: Sequence[dict[str, Array]]
+) -> tuple[Array, Array, Array, Array]:
+    """Return the peaks of the resultant of a quantity in `_OF_HISTORY` (`peak_of_vector`)."""
+    if name == "shear":
+        return _peaks_of_shears(histories, polynomials)
+    return peak_of_vector(*(terms[name] for terms in polynomials))
+
+
+def _of_additional_runs(responses: Sequence[outcome.Response], rows: int) -> dict[str, Array]:
+    """Return the peaks of the resultants of the additional runs up to a row of the histories, by
+    the names of the quantities; empty without the histories of these runs."""
+    histories = [run.check.history if run.check else None for run in responses]
+    steps = [run.check.time_steps[0] for run in responses if run.check and run.check.time_steps]
+    if None in histories or len(steps) < 2:
+        return {}
+    h = max(steps)
+    count = (rows - 1) * round(responses[0].dt / h) + 1
+    parts = [
+        each_array(lambda array: array[:count], history.every(round(h / step)))
+        for history, step in zip(histories, steps, strict=True)
+        if history is not None
+    ]
+    if any(len(history.time) < count for history in parts):
+        return {}
+    # The peaks are near large values at the time steps.
+    is_large = np.zeros(count, dtype=bool)
+    for name in _OF_HISTORY:
+        ends = np.hypot(*(getattr(history, name) for history in parts))
+        is_large |= np.any(ends >= _NEAR_PEAK * ends.max(axis=0), axis=1)
+    first, last = np.flatnonzero(is_large)[[0, -1]]
+    window = slice(max(first - 2, 0), last + 3)
+    parts = [each_array(lambda array: array[window], history) for history in parts]
+    polynomials = [_polynomials(history, h) for history in parts]
+    return {name: _peaks(name, parts, polynomials)[0] for name in _OF_HISTORY}
 
 
 def histories_of(response: outcome.Response) -> list[History]:
@@ -405,9 +552,10 @@ def integrate_directions(
         ]
     record = case.record if isinstance(case.record, PairRecord) else None
     response = combined(responses, record)
+    responses = [without_additional_history(part) for part in responses]
     if not keep:
-        without = [replace(part, history=None, history_chunks=None) for part in responses]
-        response = replace(response, directions=tuple(without))
+        responses = [replace(part, history=None, history_chunks=None) for part in responses]
+    response = replace(response, directions=tuple(responses))
     return replace(response, notes=(*response.notes, *note, LIMITS_OF_METHOD))
 
 
