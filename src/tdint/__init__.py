@@ -24,7 +24,7 @@ notebook, columns (`to_dict`) and a figure (`plot`), and can be pickled:
 
     Buildings        model_template, check, run (run_many, run_case of prepare, run_sequence,
                      Stepper), modes (response_spectrum_analysis, transfer_function, matrices),
-                     cyclic_test, pushover (target_displacements), compare, inventory
+                     cyclic_test (law_path), pushover (target_displacements), compare, inventory
     Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals,
                      constant_ductility, constant_strength, floor_spectra of a response),
                      drift_spectrum, fourier_spectrum

@@ -83,6 +83,7 @@ from tdint.response.spectra.transfer import TransferFunction as TransferFunction
 from tdint.response.spectra.transfer import transfer_function as transfer_function
 from tdint.response.static.cyclic import CyclicTest as CyclicTest
 from tdint.response.static.cyclic import cyclic_test as cyclic_test
+from tdint.response.static.cyclic import law_path as law_path
 from tdint.response.static.pushover import Pushover as Pushover
 from tdint.response.static.pushover import pushover as pushover
 from tdint.response.static.target_displacement import TargetDisplacements as TargetDisplacements

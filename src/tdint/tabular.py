@@ -312,7 +312,12 @@ def map_over_first(function: Callable[..., Any]) -> Callable[..., Any]:
         if not isinstance(first, list | tuple | ResultList):
             return function(*arguments, **keywords)
         keywords.pop(first_name, None)
-        return ResultList(function(member, *further, **keywords) for member in first)
+        results = (function(member, *further, **keywords) for member in first)
+        return ResultList(
+            item
+            for result in results
+            for item in (result if isinstance(result, ResultList) else (result,))
+        )
 
     return wrapper
 

@@ -227,12 +227,13 @@ def test_runs_as_frames_arrays_and_parquet(tmp_path):
         found = call(runs)
         if package == "pandas":
             assert (
-                list(found["stories[2].mass"]) == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5] and len(found) == 6
+                list(found["stories[2].mass_kg"]) == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5]
+                and len(found) == 6
             )
         elif package == "xarray":
             # All rows, to the end of the longest continued motion.
             assert dict(found.sizes) == {"run": 6, "time": max(runs.steps) + 1, "story": 2}
-            peaks = found.peak_drift.where(found["stories[2].mass"] == 2e5, drop=True)
+            peaks = found.peak_drift.where(found["stories[2].mass_kg"] == 2e5, drop=True)
             np.testing.assert_array_equal(peaks, runs.stories.peak_drift[2:4])
             assert found.drift.attrs["units"] == "m" and found.peak_drift_error.shape == (6, 2)
         else:
@@ -248,3 +249,32 @@ def test_runs_as_frames_arrays_and_parquet(tmp_path):
             assert parquet.read_table(again).equals(table)
     with pytest.raises(UsageError, match="parquet"):
         tdint.run_many(building, record, out="runs.csv")
+
+
+def test_responses_of_several_methods_and_steps_are_identified():
+    model = {"stories": [{"repeat": 2, "mass": 1e5, "stiffness": 6e7}]}
+    record = tdint.make_record(np.sin(np.arange(60.0)), dt=0.01, units="m/s^2")
+    methods, steps = ["impulse4", "newmark-average"], [0.01, 0.005]
+    responses = tdint.run(model, record, method=methods, dt=steps, check=False)
+    table = responses.to_dict()
+    expected = [(response.method, response.dt) for response in responses for _ in range(2)]
+    assert list(zip(table["method"], table["dt_s"].tolist(), strict=True)) == expected
+    assert "method" not in responses[0].to_dict()
+
+
+def test_spectra_of_several_damping_ratios():
+    record = tdint.make_record(np.sin(np.arange(60.0)), dt=0.01, units="m/s^2")
+    found = tdint.spectrum([record, record], [0.1, 0.5], [0.02, "5%"])
+    assert [spectrum.damping for spectrum in found] == [0.02, 0.05] * 2
+    np.testing.assert_array_equal(found[1].psa, tdint.spectrum(record, [0.1, 0.5], 0.05).psa)
+
+
+def test_a_law_along_a_path_is_that_of_cycles():
+    law = {"type": "bilinear", "yield_force": 100, "hardening": 0.1}
+    model = {"stories": [{"mass": 1e3, "height": 3, "stiffness": 1e4, "law": law}]}
+    cycles = tdint.cyclic_test(model, 1, [0.03 / 3.0], points=4)
+    path = tdint.law_path(model, 1, cycles.path.drift.tolist())
+    np.testing.assert_array_equal(path.path.shear, cycles.path.shear)
+    for drifts in ("abc", [], [np.nan], [[0.1]], [1j]):
+        with pytest.raises(UsageError, match="drifts must be a sequence of 1 to"):
+            tdint.law_path(model, 1, drifts)

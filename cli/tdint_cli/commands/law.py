@@ -68,7 +68,7 @@ def command(request: Request) -> None:
     if request.path == request.model == "-":
         raise UsageError("MODEL.yaml and --path cannot both be standard input; use a file for one")
     from tdint.model.config.model_file import load_model
-    from tdint.response.static.cyclic import cyclic_test, path_test, read_drift_path
+    from tdint.response.static.cyclic import cyclic_test, law_path, read_drift_path
 
     cycles_per_amplitude = request.cycles or 1
     imposed_drifts = None if request.path is None else read_drift_path(request.path)
@@ -86,7 +86,7 @@ def command(request: Request) -> None:
         # Report only the last cycle of each amplitude.
         last_cycles = test.cycles[cycles_per_amplitude - 1 :: cycles_per_amplitude]
     else:
-        test = path_test(
+        test = law_path(
             building,
             request.story,
             imposed_drifts,

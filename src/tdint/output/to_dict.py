@@ -54,7 +54,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     members = list(result) if is_sequence else [result]
     known = presentations().get(type(members[0]).__name__) if members else None
     if is_sequence and (known is None or known.rows is None):
-        return _joined([to_dict(member, units) for member in members])
+        return _joined([_identified(member, to_dict(member, units)) for member in members])
     output_units = parse_output_units(units) if units else SI
     if units and known is not None and known.only_si:
         raise UsageError(known.only_si)
@@ -65,6 +65,15 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         name, factor = output_units.column(column.name, column.unit)
         columns[name] = _cells(value, factor, row_count)
     return columns
+
+
+def _identified(result: Any, table: dict[str, Any]) -> dict[str, Any]:
+    """Return the table of a response after its method and time step (s), which identify its rows in
+    a joined table; other tables are returned unchanged."""
+    if type(result).__name__ not in ("Response", "ResponseWithHistory"):
+        return table
+    count = len(next(iter(table.values())))
+    return {"method": [result.method] * count, "dt_s": np.full(count, result.dt)} | table
 
 
 def _cells(value: Any, factor: float, row_count: int) -> Any:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import parse_ratio
@@ -236,6 +237,17 @@ def number_of(argument: Any, name: str) -> float | None:
     if math.isnan(number) or isinstance(argument, str | bytes):
         raise UsageError(f"{name} must be a number, got {argument!r:.60}")
     return number
+
+
+def finite_numbers(values: object) -> Array | None:
+    """Return values as an array of finite numbers; None if they are something else, such as texts
+    or complex numbers."""
+    try:
+        array = np.asarray(values)
+        array = array.astype(float) if array.dtype.kind in "fiuO" else np.full(1, math.nan)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return array if np.isfinite(array).all() else None
 
 
 def between(

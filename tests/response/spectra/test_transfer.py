@@ -203,3 +203,9 @@ def test_invalid_sources_dampers_and_frequencies_are_refused():
         dashpot = {"coefficient": 1e4, "exponent": 1.5, **brace}
         with pytest.raises(ModelError, match="story 1 has a power-law dashpot"):
             transfer_function(building({"mass": MASS, "stiffness": STIFFNESS, "dashpot": dashpot}))
+
+
+def test_a_force_on_the_roof_is_a_force_on_the_highest_floor():
+    model = {"stories": [{"repeat": 2, "mass": 1e5, "stiffness": 6e7}], "damping": "2%"}
+    floor, roof = (tdint.transfer_function(model, [1.0, 2.0], source=s) for s in (2, "roof"))
+    np.testing.assert_array_equal(floor.response, roof.response)

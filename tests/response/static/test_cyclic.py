@@ -13,7 +13,7 @@ from tdint.model.building import assemble
 from tdint.model.story_laws import LAWS, Law
 from tdint.response.runs.run import run
 from tdint.response.static import cyclic
-from tdint.response.static.cyclic import cyclic_test, follow_path, path_test
+from tdint.response.static.cyclic import cyclic_test, follow_path, law_path
 from tdint.units import STANDARD_GRAVITY, parse_drift
 
 K, FY, HEIGHT = 4e7, 4e5, 3.2
@@ -186,7 +186,7 @@ def test_cyclic_test_of_story_is_independent_of_other_stories():
     assert among.initial_stiffness == alone.initial_stiffness == K
     np.testing.assert_array_equal(among.path.shear, alone.path.shear)
     assert among.cycles == alone.cycles
-    drift = path_test(model(stories), 2, [1.0, -2.0], in_yield_drifts=True).path.drift
+    drift = law_path(model(stories), 2, [1.0, -2.0], in_yield_drifts=True).path.drift
     assert (drift.max(), drift.min()) == pytest.approx((DY, -2.0 * DY))
 
 

@@ -468,9 +468,7 @@ class LinearLoop:
         self._set_motion(grid)
         space, n, count = self.space, self.building.masses, self.building.stories
         drift = self.system.deformations @ space.state[rows.DISPLACEMENT, :n]
-        space.observer_state[rows.OBSERVED_ACCELERATION, :n] = (
-            self.shapes @ grid.accelerations[-1]
-        )
+        space.observer_state[rows.OBSERVED_ACCELERATION, :n] = self.shapes @ grid.accelerations[-1]
         # The force that only this drift would need, as in `assemble`
         stiffness = self.building.story_laws[rows.STIFFNESS]
         space.law_state[rows.DRIFT, :count] = drift

@@ -10,7 +10,7 @@ import numpy as np
 from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
-from tdint.response.arguments import AnyModel, number_of
+from tdint.response.arguments import AnyModel, finite_numbers, number_of
 from tdint.response.runs.run import prepare
 from tdint.response.runs.run_state import RunState, copy_of
 from tdint.response.time_steps import Steps
@@ -147,7 +147,7 @@ class Stepper(Described):
         if type(ground_acceleration) is float and math.isfinite(ground_acceleration):
             acceleration = ground_acceleration
         else:
-            given = _finite(ground_acceleration)
+            given = finite_numbers(ground_acceleration)
             if given is None or given.size != 1:
                 raise UsageError(
                     "step: ground_acceleration must be a finite number, got "
@@ -183,7 +183,7 @@ class Stepper(Described):
         """Append the forces at the end of the next step to the table of the floors."""
         building = self._prepared.building
         floors, loaded = building.floors, building.floors + len(building.attachments)
-        given = np.zeros(floors) if floor_forces is None else _finite(floor_forces)
+        given = np.zeros(floors) if floor_forces is None else finite_numbers(floor_forces)
         if given is None or given.shape not in ((floors,), (loaded,)):
             more = f", or {loaded}, also for each attachment" if loaded > floors else ""
             raise UsageError(
@@ -234,14 +234,3 @@ class Stepper(Described):
         points = np.append(self._prepared.points, np.zeros(more * width))
         self._prepared = replace(self._prepared, points=points)
         self._table = points[self._case.prepared.points.size :].reshape(-1, width)
-
-
-def _finite(values: object) -> Array | None:
-    """Return values as an array of finite numbers; None if they are something else, such as texts
-    or complex numbers."""
-    try:
-        array = np.asarray(values)
-        array = array.astype(float) if array.dtype.kind in "fiuO" else np.full(1, math.nan)
-    except (TypeError, ValueError, OverflowError):
-        return None
-    return array if np.isfinite(array).all() else None

@@ -321,9 +321,21 @@ def spectrum(
 
 @overload
 def spectrum(
+    record: AnyRecord,
+    periods: Numbers,
+    damping: list[Any] | tuple[float | str, ...] | Array,
+    *,
+    method: str | None = None,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> ResultList[Spectrum]: ...
+
+
+@overload
+def spectrum(
     record: list[Any] | tuple[AnyRecord, ...] | ResultList[Any],
     periods: Numbers,
-    damping: float | str = 0.05,
+    damping: float | str | list[Any] | tuple[float | str, ...] | Array = 0.05,
     *,
     method: str | None = None,
     maxima: str | None = None,
@@ -335,12 +347,12 @@ def spectrum(
 def spectrum(
     record: AnyRecord,
     periods: Numbers,
-    damping: float | str = 0.05,
+    damping: float | str | list[Any] | tuple[float | str, ...] | Array = 0.05,
     *,
     method: str | None = None,
     maxima: str | None = None,
     interpolation: str | None = None,
-) -> Spectrum:
+) -> Spectrum | ResultList[Spectrum]:
     """Compute the elastic response spectrum of a record.
 
     Parameters
@@ -352,8 +364,8 @@ def spectrum(
     periods : ndarray, shape (k,)
         Periods, s. At period 0 (rigid oscillator), accelerations are the peak ground acceleration
         and all other quantities are 0.
-    damping : float, default 0.05
-        Damping ratio, in [0, 1).
+    damping : float or sequence of float, default 0.05
+        Damping ratio, in [0, 1); several for a `ResultList` with a spectrum for each.
     method : str, optional
         Method that integrates the oscillators with the sampling interval as time step. By default,
         the exact solution is used (Nigam and Jennings 1969).
@@ -381,7 +393,12 @@ def spectrum(
     AnalysisError
         A period is too short for the record, or the method is unstable at a period.
     """
-    record, damping = record_of(record), damping_of(damping)
+    record = record_of(record)
+    if isinstance(damping, list | tuple | np.ndarray):
+        options: dict[str, Any] = {"method": method, "maxima": maxima}
+        options["interpolation"] = interpolation
+        return ResultList(spectrum(record, periods, ratio, **options) for ratio in damping)
+    damping = damping_of(damping)
     periods = checked_periods(periods)
     settings = choose_settings(method, maxima, interpolation)
     positive = periods > 0.0

@@ -23,6 +23,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
+from tdint.model.keys.fields import ROOF
 from tdint.response.arguments import AnyModel, model_of
 from tdint.tabular import Tabular
 
@@ -129,7 +130,7 @@ def transfer_function(
         denser at resonances.
     source : str or int
         `ground` for floor accelerations divided by the ground acceleration, or the number of a
-        floor, from 1, for displacements divided by a force on this floor.
+        floor, from 1, or `roof`, for displacements divided by a force on this floor.
 
     Returns
     -------
@@ -147,11 +148,12 @@ def transfer_function(
     model = model_of(model)
     model.require_floors("the transfer function")
     building = assemble(model)
+    source = building.floors if source == ROOF else source
     is_floor = isinstance(source, int) and 1 <= source <= building.floors
     if source != GROUND and not is_floor:
         raise UsageError(
-            f"source: the force must be on a floor from 1 to {building.floors}, or the source "
-            f"must be {GROUND}, got {source!r:.40}"
+            f"source: the force must be on a floor from 1 to {building.floors} or the {ROOF}, or "
+            f"the source must be {GROUND}, got {source!r:.40}"
         )
     check_dampers(model, building, "transfer function")
     if not building.modes().omega[0]:

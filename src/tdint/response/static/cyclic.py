@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, Numbers
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.kernels import layout as rows
@@ -29,7 +29,7 @@ from tdint.model.building import (
 )
 from tdint.model.definition import Model
 from tdint.number_parsing import pluralize
-from tdint.response.arguments import AnyModel, drift_of, model_of
+from tdint.response.arguments import AnyModel, drift_of, finite_numbers, model_of
 from tdint.tabular import Tabular
 from tdint.units import DriftSize
 
@@ -250,36 +250,50 @@ def cyclic_test(
     return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
 
 
-def path_test(
-    model: Model,
+def law_path(
+    model: AnyModel,
     story: int,
-    drifts: Sequence[float],
+    drifts: Numbers,
     *,
     in_yield_drifts: bool = False,
     element: str | None = None,
 ) -> CyclicTest:
-    """Impose any path of drifts on the law of one story, with straight lines from rest.
+    """Impose any path of drifts on the law of one story, such as the protocol of a test, with
+    straight lines from rest.
 
     Parameters
     ----------
+    model : Model, str, Path or mapping
+        Model, as in `run`.
     story : int
         Number of the story, from 1.
-    drifts : sequence of float
+    drifts : sequence of float, shape (points,)
         Drifts, m, or multiples of the yield drift.
     in_yield_drifts : bool
         True if the drifts are multiples of the yield drift; default False.
+    element : str, optional
+        Name of an element of the story, which is tested without the rest of the story and without
+        P-delta. Default: the complete story.
+
+    Returns
+    -------
+    CyclicTest
+        `path` contains drifts and forces; there are no cycles.
 
     Raises
     ------
     UsageError
-        The story does not exist, its law does not yield, or there are too many drifts.
+        The story does not exist, its law does not yield, the drifts are not finite numbers, or
+        there are too many.
     AnalysisError
         The law has no finite force along the path.
     """
-    model = _with_tested_element(model, story, element)
-    if not 1 <= len(drifts) <= MAX_CYCLE_POINTS:
+    model = _with_tested_element(model_of(model), story, element)
+    path = finite_numbers(drifts)
+    if path is None or path.ndim != 1 or not 1 <= path.size <= MAX_CYCLE_POINTS:
         raise UsageError(
-            f"a path must have from 1 to {MAX_CYCLE_POINTS:,} drifts, got {len(drifts):,}"
+            f"drifts must be a sequence of 1 to {MAX_CYCLE_POINTS:,} finite numbers, got "
+            f"{drifts!r:.60}"
         )
     building = assemble(replace(model, damping=None))
     unit = float(building.yield_drift[story - 1]) if in_yield_drifts else 1.0
@@ -289,7 +303,7 @@ def path_test(
             f"drifts cannot be multiples of the yield drift, because the law of story {story} does "
             "not yield; specify drifts in m"
         )
-    return _test(model, building, story, unit * np.asarray(drifts, float), None)
+    return _test(model, building, story, unit * path, None)
 
 
 def _test(
