@@ -254,10 +254,7 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
         return "".join(messages), [row["model"] for row in rows(done.stdout)]
 
     (folder / "bad.yaml").write_text("stories: []\n")
-    expected = (
-        "study.yaml: valid campaign file\nError: bad.yaml:1:10: stories: must contain at "
-        "least one story\n"
-    )
+    expected = "Error: bad.yaml:1:10: stories: must contain at least one story\n"
     assert check("bad.yaml, shaken.yaml", "records: {files: [motion.mseed]}") == (
         expected,
         ["shaken.yaml"],

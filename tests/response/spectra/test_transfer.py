@@ -193,8 +193,8 @@ def test_default_frequencies_contain_each_mode_of_a_tall_building():
 
 def test_invalid_sources_dampers_and_frequencies_are_refused():
     model = oscillator(0.05)
-    for source in (0, 2, "roof", 1.5):
-        with pytest.raises(UsageError, match="floor from 1 to 1"):
+    for source in (0, 2, "top", 1.5):
+        with pytest.raises(UsageError, match="floor from 1 to 1 or the roof"):
             transfer_function(model, source=source)
     for frequency in ([], [0.0], [math.nan]):
         with pytest.raises(UsageError, match="positive"):

@@ -59,10 +59,17 @@ def has_columns(data: bytes) -> bool:
     """Return True if the rows of a file have several numbers and are as many as NPTS: the columns
     of a text table."""
     lines = Lines(data)
-    lines.take_until(_count_and_step, "line with NPTS and DT")
-    stated = _count_and_step(lines.take())
-    width = len((lines.peek() or "").split())
-    return width > 1 and stated is not None and len(lines.remaining()) >= stated[0]
+    _, count, _ = _header(lines)
+    return len((lines.peek() or "").split()) > 1 and len(lines.remaining()) >= count
+
+
+def _header(lines: Lines) -> tuple[list[str], int, float]:
+    """Take the header up to the numbers, and return its lines, the number of values, and the
+    sampling interval (s), which the last line with NPTS and DT states."""
+    header = [*lines.take_until(_count_and_step, "line with NPTS and DT"), lines.take()]
+    while not lines.at_numbers():
+        header.append(lines.take())
+    return header, *next(filter(None, map(_count_and_step, reversed(header))))
 
 
 @reader
@@ -74,10 +81,7 @@ def read_at2(lines: Lines) -> list[Series]:
     RecordError
         The file is cut off, has more values than NPTS, or the units do not match the quantity.
     """
-    header = [*lines.take_until(_count_and_step, "line with NPTS and DT"), lines.take()]
-    while not lines.at_numbers():
-        header.append(lines.take())
-    count, step = next(filter(None, map(_count_and_step, reversed(header))))
+    header, count, step = _header(lines)
     values = lines.numbers(count)
 
     # The last two parts of the second line of PEER headers are station and component. The parts

@@ -352,7 +352,7 @@ def spectrum(
     method: str | None = None,
     maxima: str | None = None,
     interpolation: str | None = None,
-) -> Spectrum | ResultList[Spectrum]:
+) -> Any:
     """Compute the elastic response spectrum of a record.
 
     Parameters
