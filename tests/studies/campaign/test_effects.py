@@ -137,9 +137,11 @@ def test_units_scatter_and_seed_of_an_inventory(tmp_path):
     (tmp_path / "b.csv").write_text(BUILDINGS)
 
     def building(**arguments):
-        return tdint.inventory(tmp_path / "b.csv", **arguments)[0].building
+        return tdint.inventory(tmp_path / "b.csv", **{"units": "m"} | arguments)[0].building
 
-    plain = building(units="m")
+    with pytest.raises(UsageError, match="units is missing"):
+        tdint.inventory(tmp_path / "b.csv")
+    plain = building()
     ratio = building(units="ft").stories[0].mass / plain.stories[0].mass
     assert ratio == pytest.approx(0.3048**2, rel=1e-9)
     scattered = [building(stiffness=0.3, damping=0.4, seed=seed) for seed in (1, 1, 2)]
@@ -236,11 +238,11 @@ def test_mapping_of_an_exposure_model(tmp_path):
     for name, key, keys in (("types", "taxonomy", "XY"), ("plain", "id", "ab")):
         table = "".join(f"{k},{line}\n" for k, line in zip(keys, lines.values(), strict=True))
         (tmp_path / f"{name}.csv").write_text(f"{key},{columns}\n{table}")
-    found = tdint.inventory(tmp_path / "e.xml", mapping=tmp_path / "types.csv")
-    expected = tdint.inventory(tmp_path / "plain.csv")
+    found = tdint.inventory(tmp_path / "e.xml", units="m", mapping=tmp_path / "types.csv")
+    expected = tdint.inventory(tmp_path / "plain.csv", units="m")
     assert [item.building.stories for item in found] == [item.building.stories for item in expected]
     with pytest.raises(UsageError, match="unknown rules"):
-        tdint.inventory(tmp_path / "plain.csv", rules="other")
+        tdint.inventory(tmp_path / "plain.csv", units="m", rules="other")
 
 
 def test_layout_of_a_pair(tmp_path):

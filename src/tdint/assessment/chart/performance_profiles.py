@@ -100,7 +100,7 @@ _FAR_BELOW = 0.25
 _SHARE = 0.3
 # Number of times that a point is timed. The cost is the minimum time, because disturbances by other
 # processes only increase times
-_REPEATS = 3
+_REPEATS = 5
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ from tdint.studies.motions.intensity import (
 from tdint.studies.store.opening import open_or_create, open_replacement
 from tdint.studies.store.result_store import Identity, Store, as_json
 from tdint.studies.store.schema import locked
-from tdint.system import on_threads
+from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, progress_reporter
 from tdint.units import OutputUnits
 
@@ -241,7 +241,7 @@ def ida(
     *,
     method: str | None = None,
     pair: str = GEOMETRIC_MEAN,
-    jobs: int = 1,
+    jobs: int | None = None,
     folder: str | Path | None = None,
     overwrite: bool = False,
     progress: bool | Progress = False,
@@ -268,8 +268,8 @@ def ida(
     pair : str
         Combination of the components of a pair in the intensity measure: a name of `PAIRS`; by
         default the geometric mean.
-    jobs : int
-        Number of threads; it does not affect the results.
+    jobs : int, optional
+        Number of threads, by default one per processor; it does not affect the results.
     folder : str or Path, optional
         Directory for the results of completed runs. The next call with the same arguments continues
         from these results.
@@ -352,7 +352,9 @@ def ida(
         ),
         progress_reporter(progress, len(work_items), "record") as report_progress,
     ):
-        runs_by_item, resumed = _run_work_items(work_items, store, jobs, report_progress)
+        runs_by_item, resumed = _run_work_items(
+            work_items, store, jobs or processors(), report_progress
+        )
         limits = device_limits(subject.model)
         if limits:
             runs_by_item = _with_limit_ratios(runs_by_item, store, limits)

@@ -759,7 +759,7 @@ def _multilinear_keys(story: Story, degradation: bool) -> dict[str, Any]:
 def inventory(
     source: str | Path,
     *,
-    units: str = "m",
+    units: str = "",
     rules: str = "mdof-lu",
     stiffness: float = 0.0,
     damping: float = 0.0,
@@ -773,7 +773,8 @@ def inventory(
     source : str or Path
         Path of the CSV file, or of an exposure model of OpenQuake.
     units : str
-        Unit of lengths, such as `m` or `ft`. Areas are in its square.
+        Unit of lengths, such as `m` or `ft`. Areas are in its square. It is required, as on the
+        command line, because a file does not state it.
     rules : str
         Name of the rules, one of `RULES` that does not require classes.
     stiffness, damping : float
@@ -796,6 +797,10 @@ def inventory(
         The file cannot be read, a column is missing, or rows are invalid. All invalid rows are
         listed.
     """
+    if not units:
+        raise UsageError(
+            "inventory: units is missing; specify the unit of lengths, units='ft' or 'm'"
+        )
     if units not in LENGTH:
         raise UsageError(f"unknown unit of length {units!r:.60}; known: {', '.join(LENGTH)}")
     table = None if mapping is None else os.fspath(mapping)
