@@ -344,5 +344,5 @@ def test_exact_is_refused_if_rounding_destroys_it(tmp_path, damper, works):
     if works:
         assert peak(damper) * damper == pytest.approx(peak(1e8) * 1e8, rel=3e-3)
         return
-    with pytest.raises(AnalysisError, match=r"damping ratio of a mode is .*rounding destroys"):
+    with pytest.raises(AnalysisError, match=r"damping ratio .* of a mode.*rounding destroys"):
         peak(damper)

@@ -191,9 +191,15 @@ def rayleigh(damping: RayleighRatio, *frequencies: float) -> RayleighCoefficient
     Raises
     ------
     ModelError
-        The two frequencies are numerically equal, or the difference of their squares exceeds the
-        range of floats.
+        A frequency is zero, the two frequencies are numerically equal, or the difference of their
+        squares exceeds the range of floats.
     """
+    if min(frequencies) <= 0.0:
+        raise ModelError(
+            "damping: a ratio of Rayleigh damping needs the frequencies of its modes, and a story "
+            "has no initial stiffness; give the coefficients `rayleigh: {mass, stiffness}`, or a "
+            "law with an initial stiffness"
+        )
     if len(frequencies) == 1:
         return RayleighCoefficients(0.0, 2.0 * damping.ratios[0] / frequencies[0], damping.tangent)
     (xi_1, xi_2), (omega_1, omega_2) = damping.ratios, frequencies

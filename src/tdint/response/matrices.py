@@ -128,6 +128,7 @@ def matrices(model: AnyModel) -> SystemMatrices:
     model = model_of(model)
     building = assemble(model)
     check_dampers(model, building, "matrix of its dampers")
+    building.vibration.frequency(1)  # raises the error of a story without stiffness
     damping, braces = building.linear_damping()
     system = building.system
     floors = (f"floor_{number}" for number in range(1, building.floors + 1))

@@ -346,7 +346,7 @@ def test_a_progress_bar_is_written_at_a_terminal(folder, tdint, monkeypatch):
          "must be one of the methods impulse4, newmark-average"),
         (["--highlight", "impulse4"], 2, "--plot"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
-        (["--method", "exact"], 2, "exact supports only linear buildings"),
+        (["--method", "exact"], 2, "exact does not support nonlinear stories"),
         (["--scale", "0"], 2, "must not be zero"),
         (["--duration", "-1"], 2, "duration must be a positive number"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),

@@ -282,7 +282,7 @@ def test_other_methods_are_refused(method):
         (
             {"damping": {"rayleigh": {"ratio": 0.05, "modes": [1, 2], "tangent": True}}},
             0.02,
-            "inertance is not supported together with braces of dampers",
+            "does not support inertance together with braces of dampers",
         ),
         (
             {"excitation": {"forces": [{"floor": 2, "points": [[0, 0], [0.013, 1e5]]}]}},

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
 from contextlib import suppress
+from typing import NamedTuple
 
 from tdint.errors import AnalysisError
+from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import PLAIN, Variant
 from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws import LAWS, LINEAR
 from tdint.kernels.laws.compiled import CompiledLaw, compiled_laws
+from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
@@ -110,11 +112,6 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
     return [(kernel, variant) for kernel in (integrator.family.step, integrate, *LOOP_KERNELS)]
 
 
-def _methods(supports: Callable[[Integrator], bool]) -> str:
-    """Return the names of the methods that a condition selects, with their default parameters."""
-    return ", ".join(name for name in catalogue() if supports(parse(name)))
-
-
 _MAX_DAMPING_RATIO = 1e5
 """Maximum damping ratio of a mode with a well conditioned transition over a time step. The slowest
 rate behind a damper is 1 / (4 ratio^2) of the fastest rate, so that its relative rounding error is
@@ -124,68 +121,79 @@ about 1e-16 times 4 ratio^2: 1e-5 at this ratio."""
 def unsupported_reason(integrator: Integrator, building: Building) -> str:
     """Return a message if a method does not support a building; empty if it does.
 
-    Some methods do not support nonlinear stories, power-law dashpots or braces of dampers.
+    The message names the methods that support the building.
     """
+    obstacle = _obstacle(integrator, building)
+    if obstacle is None:
+        return ""
+    names = [name for name in catalogue() if _obstacle(parse(name), building) is None]
+    remedies = [f"use {'one of ' * (len(names) > 1)}{', '.join(names)}"] if names else []
+    remedies += filter(None, [obstacle.remedy])
+    return f"{integrator.label} does not support {obstacle.part}; {', or '.join(remedies)}"
+
+
+class _Obstacle(NamedTuple):
+    """Part of a building that a method does not support, and a change of the model as remedy."""
+
+    part: str
+    remedy: str = ""
+
+
+def _obstacle(integrator: Integrator, building: Building) -> _Obstacle | None:
+    """Return the first part of a building that a method does not support; None if it supports all
+    parts."""
+    family, is_exact = integrator.family, integrator.method.name == EXACT
     if building.inertial:
-        if not integrator.family.inertance:
-            return (
-                f"{integrator.label} does not support inertance with a law that is not linear; use "
-                f"one of {_methods(lambda other: other.family.inertance)}"
-            )
+        if not family.inertance:
+            return _Obstacle("inertance with a law that is not linear")
         if building.has_damper_state:
-            return (
-                "inertance is not supported together with braces of dampers, Rayleigh damping with "
-                "the tangent stiffness, or `restitution` of the law hertz; omit one of them"
+            return _Obstacle(
+                "inertance together with braces of dampers, Rayleigh damping with the tangent "
+                "stiffness, or `restitution` of the law hertz",
+                "omit one of them",
             )
     elif building.system is not None and len(building.system.inerters):
-        if integrator.method.name != EXACT and step_coefficients(integrator) is None:
-            others = _methods(lambda other: step_coefficients(other) is not None)
-            return f"{integrator.label} does not support inertance; use one of {EXACT}, {others}"
-    elif building.system is not None and integrator.method.name != EXACT:
-        return (
-            f"{integrator.label} does not support models of matrices and flexural stories; use "
-            f"{EXACT}"
-        )
+        if not is_exact and step_coefficients(integrator) is None:
+            return _Obstacle("inertance")
+    elif building.system is not None and not is_exact:
+        return _Obstacle("models of matrices and flexural stories")
     if building.uses_matrices:
         ratio = float(building.modes().own_damping(building.damping_matrix()).max())
         if ratio > _MAX_DAMPING_RATIO:
-            return (
-                f"the damping ratio of a mode is {ratio:.3g}, above {_MAX_DAMPING_RATIO:g}: "
-                "rounding destroys the slow movement behind such a damper; reduce the damping, or "
-                "omit the rows that it holds"
+            return _Obstacle(
+                f"the damping ratio {ratio:.3g} of a mode, above {_MAX_DAMPING_RATIO:g}: rounding "
+                "destroys the slow movement behind such a damper",
+                "reduce the damping, or omit the rows that it holds",
             )
     if building.tangent_damped and not integrator.tangent_damping:
-        return (
-            f"{integrator.label} does not support Rayleigh damping with the tangent stiffness; use "
-            f"one of {_methods(lambda other: other.tangent_damping)}, or omit `tangent` from the "
-            "damping"
-        )
-    if building.impact_damped and not integrator.family.impact_damping:
-        return (
-            f"{integrator.label} does not support `restitution` of the law hertz; use "
-            f"{_methods(lambda other: other.family.impact_damping)}"
-        )
+        return _tangent_obstacle(building)
+    if building.impact_damped and not family.impact_damping:
+        return _Obstacle("`restitution` of the law hertz")
     if building.braced and not integrator.method.braces:
+        return _Obstacle("dampers with a brace", "omit `brace` from the dashpots")
+    if building.branched and not (
+        family.braced_devices if building.has_damper_state else family.devices
+    ):
+        part = "attachments and links"
+        if building.braced:
+            return _Obstacle(f"{part} with braces of dampers")
         return (
-            f"{integrator.label} does not support dampers with a brace; use one of "
-            f"{_methods(lambda other: other.method.braces)}, or omit `brace` from the dashpots"
+            _tangent_obstacle(building, f"{part} with ")
+            if building.tangent_damped
+            else _Obstacle(part)
         )
-    needed = "braced_devices" if building.has_damper_state else "devices"
-    if building.branched and not getattr(integrator.family, needed):
-        with_state = building.has_damper_state
-        of_dampers = " with braces of dampers or tangent damping" if with_state else ""
-        return (
-            f"{integrator.label} does not support attachments and links{of_dampers}; use one of "
-            f"{_methods(lambda other: getattr(other.family, needed))}"
-        )
-    if integrator.family.linear_only and not building.linear:
-        return (
-            f"{integrator.label} supports only linear buildings; this building has nonlinear "
-            "stories"
-        )
-    if building.power_damped and not integrator.family.power_dampers:
-        return (
-            f"{integrator.label} does not support power-law dashpots; use impulse4 or "
-            "newmark-average"
-        )
-    return ""
+    if family.linear_only and not building.linear:
+        return _Obstacle("nonlinear stories")
+    if building.power_damped and not family.power_dampers:
+        return _Obstacle("power-law dashpots")
+    return None
+
+
+def _tangent_obstacle(building: Building, prefix: str = "") -> _Obstacle:
+    """Return the obstacle of damping with the tangent stiffness: of contacts, or of Rayleigh."""
+    damped = building.linear_terms[rows.TANGENT_DAMPING, :-1] != 0.0
+    codes = building.law_parameters[rows.CODE, : building.stories][damped]
+    if all(code > 0 and LAWS[int(code)].stops is not DriftLaw.stops for code in codes.tolist()):
+        return _Obstacle(f"{prefix}a dashpot or `restitution` in contact")
+    part = f"{prefix}Rayleigh damping with the tangent stiffness"
+    return _Obstacle(part, "omit `tangent` from the damping")

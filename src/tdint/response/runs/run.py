@@ -140,9 +140,10 @@ def run(
         Run a conditionally stable method above its stability limit, and accept a response with
         energy that was produced by the method.
     check : bool or None, default None
-        Estimate the errors of the peaks (`Response.check`) by an additional run of impulse4 with
-        half the time step. If this run fails, the errors are unknown. True estimates the errors of
-        the history also. False omits the estimates; the run then needs about one third of the time.
+        Estimate the errors of the peaks (`Response.check`) by an additional run, usually of
+        impulse4 with half the time step (`Response.check.method` and `time_steps`). If this run
+        fails, the errors are unknown. True estimates the errors of the history also. False omits
+        the estimates; the run then needs about one third of the time.
     tolerance : float or str, optional
         Choose a time step for which the estimated error of every peak drift, divided by that drift,
         does not exceed this value. The search starts with four sampling intervals of the record

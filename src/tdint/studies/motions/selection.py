@@ -100,8 +100,7 @@ def select(
     -------
     Scaling
         Scaling of the selected motions. `chosen` contains their indices in `motions`, `left_out`
-        the number of motions that were not considered, by reason, and `rest` the scaled spectra of
-        the motions that were not selected.
+        the number of motions that were not considered, by reason.
 
     Raises
     ------
