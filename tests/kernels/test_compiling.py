@@ -415,6 +415,8 @@ def test_reduced_code_computes_equal_bits(tmp_path, monkeypatch):
         for pair in kernels_of_model(load_model(root / config), parse_method(method))
     ]
     start_instead(monkeypatch, NOT_REDUCED)
+    monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))  # without objects to copy
+    monkeypatch.delenv("TDINT_KERNELS_DIR", raising=False)
     folder = tmp_path / "objects"
     compile_ahead(required, ["native"], folder, lambda done: None)
     monkeypatch.undo()

@@ -104,7 +104,7 @@ _MAX_VELOCITY_MISMATCH = 0.5
 # 6e-4 of the part of the step.
 _POINTS_NEAR_REST = 12
 _BISECTIONS = 40
-_THIRD = 1.0 / 3.0
+_TWO_THIRDS = 2.0 / 3.0
 _ROOT_TOLERANCE = 1e-12  # fraction of the step; largest last correction of a zero
 # Dimensionless. Ratio of the drift rates at both endpoints below which the force of a dashpot with
 # an exponent below 1 is not smooth enough for the cubic of the accelerations.
@@ -293,12 +293,9 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
     The interior Bezier points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3, with the
     absolute accelerations A0 and A1 at the endpoints. The bound covers every tilt, so D is not an
     argument: in all cases w (|B| + |D|) is at most 2 |B|. A Bezier point is therefore within 2 |B|
-    / 3 of the straight line between A0 and A1. At the Bezier points, the absolute value of the line
-    is at least |A1 - A0| / 3 below the larger absolute endpoint value. The interior Bezier points
-    therefore exceed this value by at most (2 |B| - |A1 - A0|) / 3.
+    / 3 of the straight line between A0 and A1.
     """
-    excess = 2.0 * abs(bulge) - abs(absolute_1 - absolute_0)
-    return max(abs(absolute_0), abs(absolute_1)) + _THIRD * max(excess, 0.0) > peak
+    return max(abs(absolute_0), abs(absolute_1)) + _TWO_THIRDS * abs(bulge) > peak
 
 
 @outlined

@@ -137,15 +137,19 @@ def _corners(history: History) -> tuple[Array, Array, Array]:
 
     The slopes are those of the step before and of the step after. The corner is the intersection
     of the line with the first slope through the start and of the line with the second slope
-    through the end, both for a story that yields and at a reversal.
+    through the end, both for a story that yields and at a reversal. A gap of the history has no
+    corner.
     """
-    drift, force = history.drift, history.shear
+    drift, force, interval = history.drift, history.shear, np.diff(history.time)
     change, rise = np.diff(drift, axis=0), np.diff(force, axis=0)
-    slope = np.divide(rise, change, out=np.full_like(rise, np.nan), where=change != 0.0)
+    is_step = (interval < 1.5 * interval.min())[:, np.newaxis]
+    moves = is_step & (change != 0.0)
+    slope = np.divide(rise, change, out=np.full_like(rise, np.nan), where=moves)
     padded = np.pad(slope, ((1, 1), (0, 0)), constant_values=np.nan)
     before, after = padded[:-2], padded[2:]
     difference = before - after
     has_corner = np.abs(difference) > _CORNER * np.maximum(np.abs(before), np.abs(after))
+    has_corner &= is_step
     corner = np.divide(
         rise + before * drift[:-1] - after * drift[1:],
         difference,
@@ -257,18 +261,14 @@ def _peak_in_step(
     x: Array, y: Array, step: int, part: tuple[float, float] = (0.0, 1.0)
 ) -> tuple[float, float, float, float]:
     """Return the peak within a part of a step as length, time in steps, and both components."""
-    from numpy.polynomial import polynomial
-
-    # Half the derivative of the squared length
-    rate = polynomial.polyadd(
-        *(polynomial.polymul(values, polynomial.polyder(values)) for values in (x, y))
-    )
-    roots = polynomial.polyroots(np.trim_zeros(rate, "b")) if rate.any() else np.empty(0)
-    s = np.append(np.clip(roots.real, *part), part)
-    components = polynomial.polyval(s, np.column_stack((x, y)))
+    # Half the derivative of the squared length, from the highest power
+    order = np.arange(1.0, len(x))
+    rate = (np.convolve(x, order * x[1:]) + np.convolve(y, order * y[1:]))[::-1]
+    s = np.append(np.clip(np.roots(rate).real, *part), part)
+    components = np.polyval(x[::-1], s), np.polyval(y[::-1], s)
     lengths = np.hypot(*components)
     best = int(np.argmax(lengths))
-    return lengths[best], step + s[best], components[0, best], components[1, best]
+    return lengths[best], step + s[best], components[0][best], components[1][best]
 
 
 # ---- Resultants of two runs
@@ -282,8 +282,8 @@ _OF_HISTORY = {
 """Quantities with a resultant between time steps, and the names of their peaks."""
 
 _NEAR_PEAK = 0.9
-"""Dimensionless. Resultants of additional runs are located from the first to the last time step
-with a resultant of at least this part of its maximum."""
+"""Dimensionless. Resultants of additional runs are located near the time steps with a resultant of
+at least this part of its maximum."""
 
 
 def _polynomials(history: History, h: float) -> dict[str, Array]:
@@ -364,15 +364,19 @@ def _of_additional_runs(responses: Sequence[outcome.Response], rows: int) -> dic
     ]
     if any(len(history.time) < count for history in parts):
         return {}
-    # The peaks are near large values at the time steps.
+    # The peaks are near large values at the time steps. Slopes of forces need two more steps.
     is_large = np.zeros(count, dtype=bool)
     for name in _OF_HISTORY:
         ends = np.hypot(*(getattr(history, name) for history in parts))
         is_large |= np.any(ends >= _NEAR_PEAK * ends.max(axis=0), axis=1)
-    first, last = np.flatnonzero(is_large)[[0, -1]]
-    window = slice(max(first - 2, 0), last + 3)
-    parts = [each_array(lambda array: array[window], history) for history in parts]
+    kept = np.flatnonzero(np.convolve(is_large, np.ones(5), "same"))
+    parts = [each_array(lambda array: array[kept], history) for history in parts]
     polynomials = [_polynomials(history, h) for history in parts]
+    gaps = np.diff(kept) > 1
+    for history, terms in zip(parts, polynomials, strict=True):
+        for name, values in terms.items():  # a straight line is nowhere larger than at its ends
+            values[:, gaps] = 0.0
+            values[:2, gaps] = lines(getattr(history, name))[:, gaps]
     return {name: _peaks(name, parts, polynomials)[0] for name in _OF_HISTORY}
 
 
