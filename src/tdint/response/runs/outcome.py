@@ -642,6 +642,9 @@ class Response(Tabular):
         history, the time integration is repeated."""
         # Imported here, because few models have stops.
         from tdint.response.runs.contacts import contacts_of, has_stops
+
+        if self.directions:
+            return tuple(contact for part in self.directions for contact in part.contacts)
         from tdint.response.runs.history import History
 
         history, repeat = self.history, self.history_chunks

@@ -533,6 +533,8 @@ def integrate_directions(
     _check_durations(case, settings)
     run = partial(integrate, history=True, history_errors=settings.check)
     responses = [run(part, settings, tolerance=tolerance) for part in cases]
+    # The building is at rest if both directions are; the second may be run again below.
+    rests = [response.time_at_rest for response in responses]
     note: tuple[str, ...] = ()
     if responses[0].dt != responses[1].dt:
         h = min(response.dt for response in responses)
@@ -555,8 +557,13 @@ def integrate_directions(
     responses = [without_additional_history(part) for part in responses]
     if not keep:
         responses = [replace(part, history=None, history_chunks=None) for part in responses]
-    response = replace(response, directions=tuple(responses))
-    return replace(response, notes=(*response.notes, *note, LIMITS_OF_METHOD))
+    at_rest = None if None in rests else max(time for time in rests if time is not None)
+    return replace(
+        response,
+        directions=tuple(responses),
+        time_at_rest=None if response.collapse else at_rest,
+        notes=(*response.notes, *note, LIMITS_OF_METHOD),
+    )
 
 
 def _check_durations(case: Case, settings: RunSettings) -> None:
