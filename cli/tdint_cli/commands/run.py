@@ -788,5 +788,6 @@ def _collapse_sentence(response: Response, collapse: Collapse) -> str:
         cause = f"the drift ratio of story {collapse.story} exceeds {limit} at {time}"
     end = ""
     if collapse.ended:
-        end = "; analysis stopped" + ("" if collapse.failed else ": drift grew without bound")
+        grew = collapse.is_unbounded and not collapse.failed
+        end = "; analysis stopped" + (": drift grew without bound" if grew else "")
     return f"Status {response.status}: {cause}{end}."
