@@ -244,3 +244,49 @@ def test_sequences_of_two_directions_are_refused(folder, tdint, pairs):
     )
     tdint.refused("two directions cannot have sequences ... one direction",
                   "campaign study.yaml -o out")  # fmt: skip
+
+
+def test_intensities_of_a_pair_are_geometric_means(folder, tdint, pairs):
+    """Every intensity of a motion in two directions is that of the pair, at every place; exchanging
+    x and y of the building and of the records changes nothing."""
+    text = f"buildings: {{models: [both.yaml]}}\nrecords: {{files: [{', '.join(pairs)}]}}\n"
+    (folder / "plain.yaml").write_text(text + "intensity: {scales: [0.2, 0.5]}\n")
+    tdint("campaign plain.yaml -o plain --im pga,pgv,sa:0.5,sa", code=0)
+    runs, measures = (rows((folder / "plain" / f"{name}.csv").read_text()) for name in (
+        "runs", "measures",
+    ))  # fmt: skip
+    for run, row in zip(runs, measures, strict=True):
+        files = run["record"].split("+")
+        parts = rows(tdint("info", *files, code=0).stdout)
+        for name in ("pga_m_s2", "pgv_m_s"):
+            both = np.prod([float(part[name]) for part in parts])
+            assert float(row[name]) == pytest.approx(float(run["scale"]) * np.sqrt(both), rel=1e-6)
+        assert float(run["sa_t1_m_s2"]) == pytest.approx(float(row["sa_t1_m_s2"]), rel=1e-9)
+        spectra = rows(tdint("spectrum", *files, "--period", "0.5", code=0).stdout)
+        both = np.prod([float(part["psa_m_s2"]) for part in spectra])
+        assert float(row["sa_0p5_m_s2"]) == pytest.approx(
+            float(run["scale"]) * np.sqrt(both), rel=1e-6
+        )
+    (fit,) = rows(tdint("fragility plain --fit cloud --threshold 0.1% --im pgv", code=0).stdout)
+    assert fit["im"] == "geometric-mean-pgv"
+
+
+def test_rest_and_period_of_two_directions(both, tdint):
+    """At rest is the later direction; T1 is the longer period in every command."""
+    tdint("run both.yaml --until-rest -o out -q", code=0)
+    content = json.loads((both / "out/summary.json").read_text())
+    times = []
+    for name in "xy":
+        stiffness = "x: {stiffness: 4e+07}, y: {stiffness: 2.2e+07}", "3e+07", "2e+07"
+        model = MODEL.replace(stiffness[0], f"stiffness: {'4e+07' if name == 'x' else '2.2e+07'}")
+        own = stiffness[1] if name == "x" else stiffness[2]
+        model = model.replace("x: {stiffness: 3e+07}, y: {stiffness: 2e+07}", f"stiffness: {own}")
+        (both / "one.yaml").write_text(model)
+        tdint(f"run one.yaml {name}.csv --until-rest -o {name} -q --units m/s^2", code=0)
+        times.append(json.loads((both / f"{name}/summary.json").read_text()))
+    rest = [item["at_end"]["time_at_rest_s"] for item in times]
+    assert content["at_end"]["time_at_rest_s"] == pytest.approx(max(rest), abs=0.02)
+    longer = max(item["building"]["t1_s"] for item in times)
+    assert content["building"]["t1_s"] == pytest.approx(longer)
+    (checked,) = rows(tdint("check both.yaml", code=0).stdout)
+    assert float(checked["t1_s"]) == pytest.approx(longer)

@@ -233,7 +233,8 @@ def test_stepper_equals_run(feature):
         model, MOTION, duration=STEPS * INTERVAL, history=True, check=False
     ).history
     stepper = tdint.Stepper(model, dt=INTERVAL)
-    np.testing.assert_array_equal(driven(stepper, SAMPLES[1:]), expected.displacement)
+    count = len(expected.displacement)  # a collapse ends the run, and not the stepper
+    np.testing.assert_array_equal(driven(stepper, SAMPLES[1:count]), expected.displacement)
     end = stepper.state.history
     for name in QUANTITIES[1:]:
         np.testing.assert_array_equal(getattr(end, name)[0], getattr(expected, name)[-1])

@@ -1,6 +1,5 @@
 """Many runs in one call equal single runs to the last bit: peaks, histories and status."""
 
-import re
 from copy import deepcopy
 
 import numpy as np
@@ -168,22 +167,16 @@ def test_run_that_gains_energy_fails_as_single_run():
 
 
 def test_failed_run_after_collapse_is_collapsed():
-    """The force decreases from a drift of 6 cm and changes its sign at 10 cm. A run that fails
-    after its collapse is reported up to the collapse; a run with energy that the method produced
-    has no results."""
+    """The force decreases from a drift of 6 cm and changes its sign at 10 cm. A run ends with its
+    collapse, also if it would fail or gain energy from the method after it."""
     record = noise(samples=400)
     away = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, -4e4)), height=3.0)])
     found = tdint.run_many(away, record, scales=(2.0, 3.0, 5.0), method="impulse4")
-    assert found.status.tolist() == ["collapsed", "diverged", "collapsed"]
-    for i, scale in ((0, 2.0), (2, 5.0)):
+    assert found.status.tolist() == ["collapsed", "collapsed", "collapsed"]
+    for i, scale in ((0, 2.0), (1, 3.0), (2, 5.0)):
         single = tdint.run(away, record.scaled(scale), method="impulse4")
         assert single.steps == found.steps[i] < 399
         assert single.stories.peak_drift == found.stories.peak_drift[i] < 1.0
-    loose = tdint.run(away, record.scaled(3.0), method="impulse4", allow_unstable=True)
-    reason = f"the final energy is {1.0 - loose.energy.error:.3g} times the input energy"
-    with pytest.raises(FailedRun, match=re.escape(reason)):
-        tdint.run(away, record.scaled(3.0), method="impulse4")
-    assert np.isnan(found.stories.peak_drift[1])
 
 
 def test_histories_are_written_to_given_array(tmp_path, runs):

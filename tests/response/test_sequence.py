@@ -151,3 +151,22 @@ def test_a_rest_with_too_many_samples_is_refused_before_memory_is_allocated():
         JoinedRecord.of([MAIN, AFTER], 2e6)
     with pytest.raises(UsageError, match="rest: "):
         run_sequence(case(), [MAIN, AFTER], rest=2e6)
+
+
+@pytest.mark.parametrize("check", [False, True])
+def test_events_after_a_collapse_have_no_values(check):
+    """The run ends with the step of the collapse; later events keep their places."""
+    strong = MAIN.scaled(60.0)
+    found = run_sequence(case("newmark-average"), [strong, AFTER, MAIN], rest=1.0, check=check)
+    assert found.status != "done" and found.collapse.ended
+    assert found.steps * found.dt == pytest.approx(found.collapse.time)
+    assert [event.record.source for event in found.events] == [
+        item.source for item in (strong, AFTER, MAIN)
+    ]
+    first, *later = found.events
+    assert np.array_equal(first.stories.peak_drift, found.stories.peak_drift)
+    assert np.isnan(first.stories.residual_drift).all()
+    for event in later:
+        assert np.isnan(event.stories.peak_drift).all() and event.start > found.collapse.time
+        assert np.array_equal(event.stories.height, first.stories.height)
+        assert event.errors is None or np.isnan(event.errors.peak_drift).all()

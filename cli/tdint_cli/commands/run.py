@@ -39,6 +39,7 @@ from tdint_cli.terminal import complain, is_debug, is_quiet, note, note_of_runs,
 if TYPE_CHECKING:
     from tdint.files import Content
     from tdint.ground_motion.record import Input, Record
+    from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.output.tables.table import Table
     from tdint.output.verdicts import Verdict
@@ -316,9 +317,14 @@ def _failure_content(
         case.record,
         inputs,
         time.perf_counter() - start_time,
-        first=first_mode(case.building, case.record),
+        first=first_mode(case.building, case.record, *_across(case)),
         settings=request.settings,
     )
+
+
+def _across(case: Case) -> tuple[Building, ...]:
+    """Return the building in direction y, if the case has one."""
+    return () if case.across is None else (case.across.building,)
 
 
 def _verdicts(response: Response, limit: float | str | None, units: OutputUnits) -> list[Verdict]:
@@ -444,7 +450,7 @@ def _files(
     from tdint.response.spectra.elastic import first_mode
 
     wall_time = time.perf_counter() - start_time
-    first = first_mode(case.building, response.record)
+    first = first_mode(case.building, response.record, *_across(case))
     content = run_summary(
         response,
         [model_input(case.model), *record_inputs],
@@ -782,5 +788,6 @@ def _collapse_sentence(response: Response, collapse: Collapse) -> str:
         cause = f"the drift ratio of story {collapse.story} exceeds {limit} at {time}"
     end = ""
     if collapse.ended:
-        end = "; analysis stopped" + ("" if collapse.failed else ": drift grew without bound")
+        grew = collapse.is_unbounded and not collapse.failed
+        end = "; analysis stopped" + (": drift grew without bound" if grew else "")
     return f"Status {response.status}: {cause}{end}."

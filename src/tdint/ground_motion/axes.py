@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -75,8 +76,7 @@ class PairRecord(Record):
     @property
     def pga(self) -> float:
         """Geometric mean of the peak ground accelerations of both components, m/s^2."""
-        x, y = self.components
-        return math.sqrt(x.pga * y.pga)
+        return float(intensity_of(self, lambda record: record.pga))
 
     @property
     def digest(self) -> str:
@@ -88,6 +88,15 @@ class PairRecord(Record):
         """Return a copy with both components multiplied by `factor`."""
         x, y = (record.scaled(factor) for record in self.components)
         return replace(PairRecord.of(x, y), larger=self.larger)
+
+
+def intensity_of(record: Record, value: Callable[[Record], Any]) -> Any:
+    """Return an intensity, or an array of intensities, of a ground motion: `value` of the record,
+    or the geometric mean of the values of both components of a pair."""
+    if not isinstance(record, PairRecord):
+        return value(record)
+    x, y = map(value, record.components)
+    return np.sqrt(x * y)
 
 
 def along_axes(pair: Horizontals, axis: float | None = None) -> PairRecord:

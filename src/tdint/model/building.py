@@ -250,7 +250,7 @@ class Building:
         terms = self.linear_terms[:, :-1]
         has_brace = terms[rows.BRACE] != 0.0
         is_linear = np.where(has_brace, terms[rows.BRACED_EXPONENT] == 1.0, True)
-        has_relief = has_brace & np.isfinite(terms[rows.BRACED_RELIEF])
+        has_relief = has_brace & (terms[rows.BRACED_RELIEF] > 0.0)
         return bool(
             self.has_linear_laws
             and not (self.power_damped or self.tangent_damped)

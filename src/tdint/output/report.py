@@ -197,7 +197,7 @@ def _common_text(table: Table, name: str) -> str:
 
 def first_period(model: Model) -> float:
     """Return the first period of a building, s, with the initial stiffness."""
-    return assemble(model).first_period
+    return max(assemble(part).first_period for part in model.directions)
 
 
 def _secant_period(model: Model, peaks: StoryPeaks) -> float:

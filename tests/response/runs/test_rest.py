@@ -214,6 +214,34 @@ def test_linear_buildings_have_no_residual_drift(until_rest):
     assert not any(event.stories.residual_drift.any() for event in sequence.events)
 
 
+@pytest.mark.parametrize(
+    ("more", "is_zero"),
+    [
+        ({"dashpot": {"coefficient": 1e6, "exponent": 1, "brace": 5e7}}, True),
+        ({"dashpot": {"coefficient": 1e6, "exponent": 0.5, "linear_below": 0.01}}, False),
+        (
+            {
+                "dashpot": {"coefficient": 1e6, "exponent": 1, "brace": 5e7}
+                | {"relief": {"force": 1e5, "ratio": 0.1}}
+            },
+            False,
+        ),
+        ({"law": {"type": "polynomial", "coefficients": [4e7, 0.0, 1e10]}}, False),
+    ],
+)
+def test_buildings_that_rest_at_zero(more, is_zero):
+    """Linear dashpots with a brace are linear; power laws, relief valves and curved laws are not.
+    Matrices are linear too."""
+    story = {"mass": 1e5, "height": 3, "stiffness": 4e7} | more
+    if "law" in more:
+        del story["stiffness"]
+    response = tdint.run({"stories": [story], "damping": "none"}, noise(), check=False)
+    assert response.stories.residual_drift.any() != is_zero
+    matrices = {"mass": [1e5, 1e5], "stiffness": [[8e7, -4e7], [-4e7, 4e7]]}
+    model = {"matrices": {"names": ["u", "v"]} | matrices, "damping": {"modal": 0.05}}
+    assert not tdint.run(model, noise(), check=False).stories.residual_drift.any()
+
+
 def test_residual_drift_under_a_force_that_stays():
     """A force that stays keeps its static drift in a linear building; without it at the end the
     drift is zero. A yielding story keeps the drift at the end of the run."""

@@ -307,3 +307,65 @@ def test_no_direction_keeps_the_history_of_its_additional_run():
     response = tdint.run(CORNERS, (X, Y), history=True, check=True)
     assert all(part.check.history is None for part in response.directions)
     assert tdint.run(EQUAL, X, history=True, check=True).check.history is None
+
+
+COLLAPSING = {"type": "bilinear", "yield_force": 3e4, "hardening": 0.0}
+
+
+def _collapsing(**story):
+    one = {"mass": 2e5, "height": 3.5} | story
+    return {"stories": [one], "damping": "none", "p_delta": True, "collapse_drift": 0.01}
+
+
+@pytest.mark.parametrize("at_rest", ["x", "y"])
+@pytest.mark.parametrize("check", [False, True])
+def test_a_direction_at_rest_adds_nothing_to_a_collapse(at_rest, check):
+    """A run of a building that can yield ends with the step of its collapse, in one and in two
+    directions, singly and in a batch: the same peaks, energies, ductilities and histories."""
+    moved = {"stiffness": 4e7, "law": COLLAPSING}
+    still = tdint.make_record(np.zeros(500), dt=0.02, units="m/s^2")
+    pair, parts = (still, Y), {"x": {"stiffness": 1e8}, "y": moved}
+    if at_rest == "y":
+        pair, parts = (Y, still), {"x": moved, "y": {"stiffness": 1e8}}
+    one = tdint.run(_collapsing(**moved), Y, check=check, history=True)
+    both = tdint.run(_collapsing(**parts), pair, check=check, history=True)
+    assert one.status == both.status == "collapsed"
+    assert one.steps == both.steps == round(one.collapse.time / one.dt)
+    assert len(one.history.time) == one.steps + 1
+    for name in ("peak_drift", "peak_shear", "ductility", "peak_displacement", "peak_velocity"):
+        values, others = (getattr(run.stories, name) for run in (one, both))
+        assert others == pytest.approx(values, rel=1e-9)
+        if name == "peak_drift":
+            assert values[0] == np.abs(one.history.drift).max()
+    assert both.energy.input == pytest.approx(one.energy.input, rel=1e-9)
+    assert both.energy.hysteretic == pytest.approx(one.energy.hysteretic, rel=1e-9)
+    for run in (one, both):
+        assert np.isnan(run.stories.residual_drift).all() and run.time_at_rest is None
+        assert run.growth == 0.0
+    many = tdint.run_many(_collapsing(**moved), [Y], check=check)
+    assert many.steps[0] == one.steps and many.status[0] == "collapsed"
+    assert many.stories.peak_drift[0] == pytest.approx(one.stories.peak_drift, rel=1e-9)
+    assert many.stories.ductility[0] == pytest.approx(one.stories.ductility, rel=1e-9)
+
+
+def test_linear_buildings_run_on_after_the_collapse_drift():
+    """A linear building, and a run that begins beyond the limit, are flagged and run on."""
+    linear = tdint.run(_collapsing(stiffness=4e6), Y, check=False)
+    assert linear.status == "collapsed" and not linear.collapse.ended and linear.steps == 499
+    beyond = _collapsing(stiffness=4e7, law=COLLAPSING) | {"initial": {"displacement": [0.05]}}
+    beyond["p_delta"] = False
+    started = tdint.run(beyond, Y, check=False)
+    assert started.status == "collapsed" and not started.collapse.ended and started.steps == 499
+
+
+def test_a_rotated_pair_exchanges_the_directions():
+    """A pair that is rotated by 90 degrees exchanges x and y to rounding."""
+    first = _collapsing(x={"stiffness": 4e7}, y={"stiffness": 2e7})
+    second = _collapsing(x={"stiffness": 2e7}, y={"stiffness": 4e7})
+    for model in (first, second):
+        model["collapse_drift"] = 0.5
+    one, other = tdint.run(first, (X, Y)), tdint.run(second, (Y, X))
+    assert one.stories.peak_drift == pytest.approx(other.stories.peak_drift, rel=1e-12)
+    assert one.energy.input == pytest.approx(other.energy.input, rel=1e-12)
+    for part, mirrored in zip(one.directions, other.directions[::-1], strict=True):
+        assert part.stories.peak_shear == pytest.approx(mirrored.stories.peak_shear, rel=1e-12)

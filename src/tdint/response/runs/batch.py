@@ -125,8 +125,9 @@ class Subject:
 
     @cached_property
     def period(self) -> float:
-        """First period of the initial stiffness, s."""
-        return self.prepared.period
+        """First period of the initial stiffness, s; the longer one of two directions."""
+        period = self.prepared.period
+        return period if self.across is None else max(period, self.across.period)
 
     def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
         # Only the definition is pickled. The receiving process computes the arrays again.

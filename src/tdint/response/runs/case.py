@@ -140,6 +140,9 @@ class Case(Described):
     silent : bool
         Omit all warnings and notes, because nobody reads them: of the runs of a study, which
         reports those on its inputs once, and of additional runs.
+    runs_on : bool
+        True if a collapse does not end the run: that of an error estimate, up to the end of the
+        run that it is compared with.
     """
 
     model: Model
@@ -150,6 +153,7 @@ class Case(Described):
     remarks: tuple[str, ...] = ()
     across: Case | None = None
     silent: bool = False
+    runs_on: bool = False
 
     def _headline(self) -> str:
         motion = f"under {self.record.name}" if self.record else "without ground motion"
@@ -345,12 +349,11 @@ class Case(Described):
             self.require_stability(steps.h)
         result = self._integrate(steps, history)
         collapse = self.recorded_collapse(steps, result.code, result.space.totals)
-        if result.code < 0:
-            if collapse is None:
-                raise self.failure(steps, result.space, result.code)
-            # The run failed after a collapse. Repeat it up to the collapse, which is its result.
-            count = round(collapse.time / steps.h) - self.prepared.completed
-            steps = replace(steps, count=count, continues=False)
+        if result.code < 0 and collapse is None:
+            raise self.failure(steps, result.space, result.code)
+        if collapse is not None and collapse.ended:
+            # Repeat the run up to the collapse, which is its result.
+            steps = self._up_to(collapse, steps)
             result = self._integrate(steps, history)
         elif history and result.completed > steps.count:
             # The history in memory includes the motion after the record.
@@ -362,6 +365,11 @@ class Case(Described):
             reason = f"the final energy is {1.0 - error:.3g} times the input energy"
             raise self._divergence(steps, result.space, reason)
         return self._response(steps, result, collapse)
+
+    def _up_to(self, collapse: Collapse, steps: Steps) -> Steps:
+        """Return the time steps of a run up to a collapse that ends it."""
+        count = round(collapse.time / steps.h) - self.prepared.completed
+        return replace(steps, count=count, continues=False)
 
     def _has_diverged(self, error: float, *, is_collapse: bool) -> bool:
         """Return True if the energy imbalance of a run, divided by the input energy, shows that its
@@ -553,7 +561,11 @@ class Case(Described):
         # reached its end (code 0). The result of a failed run with a collapse would be a repeated
         # run up to the step of the collapse, and a run of 0 steps has no result.
         if is_physical or (code == 0 and (collapse_step == 0 or self.allow_unstable)):
-            return Collapse(time, story, ended=code < 0, failed=failed)
+            # A linear building, and a run that begins beyond the limit, run on.
+            ends = is_physical and not (self.building.linear or self.runs_on)
+            return Collapse(
+                time, story, ended=code < 0 or ends, failed=failed, is_unbounded=code < 0
+            )
         if code < 0:
             return None
         event = (
@@ -598,7 +610,10 @@ class Case(Described):
         totals = batch.totals[i]
         is_complete = code == 0 and -named_energies(totals).error < _RUNAWAY
         if is_complete and (collapse := self.recorded_collapse(steps, code, totals)):
-            return collapse
+            if not collapse.ended:
+                return collapse
+            ended = self._up_to(collapse, steps)
+            return self._response(ended, self._integrate(ended, history), collapse)
         # The repeated run must include a failed step. If the batch continued until rest, this step
         # can be after the end of `steps`.
         reached = max(completed, int(totals[rows.STEPS_REACHED]) + (code < 0))
@@ -621,10 +636,12 @@ class Case(Described):
             Index of the run in the batch.
         """
         code, totals = int(batch.ends[i, CODE]), batch.totals[i]
+        has_collapse = totals[rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
+        if code == 0 and has_collapse and not self.building.linear:
+            return None  # a collapse may end the run before it diverges
         if code == 0:
             has_diverged = self._has_diverged(
-                named_energies(totals).error,
-                is_collapse=totals[rows.COLLAPSE_STEP] != rows.NO_COLLAPSE,
+                named_energies(totals).error, is_collapse=bool(has_collapse)
             )
             status = DIVERGED if has_diverged else None
         elif self.recorded_collapse(steps, code, totals) is not None:
@@ -654,7 +671,8 @@ class Case(Described):
                 *self._imbalance_warnings(energy),
             )
         growth = 0.0
-        if not (steps.continues or self.record is None or self.model.excitation.has_forces):
+        is_free = not (steps.continues or self.model.excitation.has_forces)
+        if self.record is not None and is_free and not (collapse and collapse.ended):
             is_at_rest = steps.count * steps.h >= self.record.duration
             growth = possible_growth(
                 self.building, space, self.prepared.period, is_at_rest=is_at_rest

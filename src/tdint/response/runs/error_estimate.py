@@ -213,7 +213,7 @@ def run_with_error_estimate(
 
 def reference(case: Case) -> Case:
     """Return the case of the additional run that estimates the errors of `case`."""
-    return case.integrated_by(reference_method(case))
+    return replace(case.integrated_by(reference_method(case)), runs_on=True)
 
 
 def reference_method(case: Case) -> Integrator:
@@ -675,7 +675,7 @@ def run_until_rest(case: Case, steps: Steps, run: Callable[[float], Response]) -
     # duration.
     steps, is_at_rest = extend_to_rest(case, steps)
     response = run(steps.count * steps.h)
-    if is_at_rest:
+    if is_at_rest and not (response.collapse and response.collapse.ended):
         steps_at_rest = case.prepared.completed + response.steps
         response = replace(response, time_at_rest=steps_at_rest * response.dt)
     if response.check is None:

@@ -433,16 +433,19 @@ class Collapse:
     story : int
         Story, from 1.
     ended : bool
-        True if the run ends at this time because the motion then grew without bound.
+        True if the run ends at this time: the building can yield, or the integration then failed.
     failed : bool
         True if the story lost its resistance according to its law; False if its drift ratio
         exceeded the limit.
+    is_unbounded : bool
+        True if the integration failed after the collapse, because the motion grew without bound.
     """
 
     time: float
     story: int
     ended: bool
     failed: bool = False
+    is_unbounded: bool = False
 
     @property
     def status(self) -> str:
@@ -642,6 +645,9 @@ class Response(Tabular):
         history, the time integration is repeated."""
         # Imported here, because few models have stops.
         from tdint.response.runs.contacts import contacts_of, has_stops
+
+        if self.directions:
+            return tuple(contact for part in self.directions for contact in part.contacts)
         from tdint.response.runs.history import History
 
         history, repeat = self.history, self.history_chunks

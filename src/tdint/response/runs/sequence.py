@@ -12,6 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypedDict, Unpack, overload
 
+import numpy as np
+
+from tdint.arrays import each_array
 from tdint.errors import UsageError
 from tdint.ground_motion.joined import at_one_interval, join_records, rest_intervals
 from tdint.ground_motion.record import Record
@@ -210,17 +213,37 @@ def event_responses(
         replace(event, stories=event.stories.without_residual()) if end > collapse_time else event
         for event, end in zip(events, ends, strict=True)
     )
+    # Events after a collapse that ends the run are listed without values.
+    starts = zip(sequence.records[len(events) :], sequence.starts[len(events) :], strict=True)
+    lost = tuple(
+        _without_values(events[0], record, start * record.dt, check=check)
+        for record, start in starts
+        if math.isfinite(collapse_time)
+    )
     if not check:
-        return events
+        return (*events, *lost)
     others = _parts(reference(joined), sequence, reference_steps(joined, steps))
     # A motion of the building at the start affects the error estimate of the first event only.
     end_of_first = (*_first_steps(sequence, steps), steps.count)[1]
     start = start_peaks(joined, steps, min(end_of_first, steps.count))
-    starts = (start, *(None for _ in events[1:]))
+    at_start = (start, *(None for _ in events[1:]))
     # The additional run may end earlier and contain fewer events (`strict=False`).
-    return tuple(
+    estimated = (
         replace(event, errors=story_errors(event, other, factors(joined.method), start=start))
-        for event, other, start in zip(events, others, starts, strict=False)
+        for event, other, start in zip(events, others, at_start, strict=False)
+    )
+    return (*estimated, *lost)
+
+
+def _without_values(
+    event: EventResponse, record: Record, start: float, *, check: bool
+) -> EventResponse:
+    """Return an event that a run did not reach: all values of `event` are nan."""
+    heights = {name: getattr(event.stories, name) for name in ("height", "isolator")}
+    unknown = each_array(lambda array: np.full_like(array, np.nan), event.interstep_bound)
+    stories = each_array(lambda array: np.full_like(array, np.nan), event.stories)
+    return EventResponse(
+        record, start, replace(stories, **heights), unknown, unknown if check else None
     )
 
 

@@ -432,12 +432,10 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
     both directions. Energies are sums.
     """
     x, y = responses
-    # The resultants end at a collapse, and the run has the status of the first collapse.
+    # Both runs end at a collapse that ends a run; the status is that of the first collapse.
     collapses = [run.collapse for run in responses if run.collapse]
     collapse = min(collapses, key=lambda item: item.time, default=None)
     rows = min(len(_history(run).time) for run in responses)
-    if collapse is not None:
-        rows = min(rows, round(collapse.time / x.dt) + 1)
     resultants = resultants_of(responses, rows)
     heights = x.stories.height
     values = {peak: getattr(resultants, name).value for name, peak in _OF_HISTORY.items()}
@@ -447,12 +445,11 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
         if rows == len(_history(x).time):
             larger = np.maximum(*(getattr(run.stories, name) for run in responses))
             values[name] = np.maximum(values[name], larger)
-    if collapse is not None:
-        drifts = [_history(run).drift[rows - 1] for run in responses]
-        values["residual_drift"] = np.hypot(*drifts)
     larger = record is not None and record.larger
     values = _combined(x.stories, y.stories, values, heights, larger)
     stories = replace(x.stories, **values)
+    if collapse is not None:
+        stories = stories.without_residual()
     check = None
     if x.check and y.check:
         errors = {peak: getattr(resultants, name).error for name, peak in _OF_HISTORY.items()}
@@ -462,7 +459,9 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
             outcome.StoryErrors(**errors),
             time_steps=x.check.time_steps or y.check.time_steps,
             method=x.check.method,
-            hysteretic_energy=each_array(add, x.check.hysteretic_energy, y.check.hysteretic_energy),
+            hysteretic_energy=None
+            if x.check.hysteretic_energy is None or y.check.hysteretic_energy is None
+            else each_array(add, x.check.hysteretic_energy, y.check.hysteretic_energy),
         )
     return replace(
         x,
@@ -523,9 +522,8 @@ def integrate_directions(
     `integrate` is the function that integrates a case in a direction, with the arguments of
     `tdint.response.runs.run.integrate_case`.
 
-    With a tolerance, both directions have the smaller of their time steps. A run that ends before
-    the other run is repeated up to the same end, unless a run has collapsed. The histories of
-    the directions are kept if `keep`.
+    With a tolerance, both directions have the smaller of their time steps. A run with another end
+    is repeated up to the common end. The histories of the directions are kept if `keep`.
 
     Raises
     ------
@@ -537,6 +535,8 @@ def integrate_directions(
     _check_durations(case, settings)
     run = partial(integrate, history=True, history_errors=settings.check)
     responses = [run(part, settings, tolerance=tolerance) for part in cases]
+    # The building is at rest if both directions are; the second may be run again below.
+    rests = [response.time_at_rest for response in responses]
     note: tuple[str, ...] = ()
     if responses[0].dt != responses[1].dt:
         h = min(response.dt for response in responses)
@@ -546,21 +546,27 @@ def integrate_directions(
             response if response.dt == h else run(part, settings)
             for part, response in zip(cases, responses, strict=True)
         ]
-    steps = max(response.steps for response in responses)
-    if not any(response.collapse for response in responses):
-        end = replace(settings, duration=steps * responses[0].dt, until_rest=False)
-        end = replace(end, dt=responses[0].dt)
-        responses = [
-            response if response.steps == steps else run(part, end)
-            for part, response in zip(cases, responses, strict=True)
-        ]
+    # Both directions end together: at the first collapse that ends a run, or at the later end.
+    ended = [item.steps for item in responses if item.collapse and item.collapse.ended]
+    steps = min(ended) if ended else max(response.steps for response in responses)
+    dt = responses[0].dt
+    end = replace(settings, dt=dt, duration=steps * dt, until_rest=False)
+    responses = [
+        response if response.steps == steps else run(part, end)
+        for part, response in zip(cases, responses, strict=True)
+    ]
     record = case.record if isinstance(case.record, PairRecord) else None
     response = combined(responses, record)
     responses = [without_additional_history(part) for part in responses]
     if not keep:
         responses = [replace(part, history=None, history_chunks=None) for part in responses]
-    response = replace(response, directions=tuple(responses))
-    return replace(response, notes=(*response.notes, *note, LIMITS_OF_METHOD))
+    at_rest = None if None in rests else max(time for time in rests if time is not None)
+    return replace(
+        response,
+        directions=tuple(responses),
+        time_at_rest=None if response.collapse else at_rest,
+        notes=(*response.notes, *note, LIMITS_OF_METHOD),
+    )
 
 
 def _check_durations(case: Case, settings: RunSettings) -> None:

@@ -585,14 +585,20 @@ class FirstMode(NamedTuple):
     sa_damping: float = SA_DAMPING
 
 
-def first_mode(building: "Building", record: Record | None) -> FirstMode:
-    """Return the first mode of a building, and the pseudo-acceleration of a record at its
-    period.
+def first_mode(building: "Building", record: Record | None, *others: "Building") -> FirstMode:
+    """Return the first mode of a building, and the pseudo-acceleration of a ground motion at its
+    period (`intensity_of`). With two directions it is that of the longer period; `others` is the
+    building in the other direction.
     """
+    building = max(building, *others, key=lambda item: item.first_period) if others else building
     period, damping, sa = building.first_period, building.first_mode()[1], None
     # Sa is unknown (None) if the building has no period, or a period that is too short for the
     # sampling interval of the record.
     if record is not None and math.isfinite(period):
+        # Imported here, because spectra of files need no pairs along axes.
+        from tdint.ground_motion.axes import intensity_of
+
         with suppress(AnalysisError):
-            sa = float(spectrum(record, np.array([period]), SA_DAMPING).psa[0])
+            at = np.array([period])
+            sa = float(intensity_of(record, lambda part: spectrum(part, at, SA_DAMPING).psa)[0])
     return FirstMode(period, damping, sa)

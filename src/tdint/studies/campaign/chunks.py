@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 
 from tdint.errors import AnalysisError
-from tdint.ground_motion.axes import PairRecord
+from tdint.ground_motion.axes import intensity_of
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.output.tables.devices import device_rows
@@ -703,17 +703,13 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
             None if None in values else max(filter(None, values), default=0.0)
             for values in values_by_period
         ]
-    if isinstance(record, PairRecord):
-        components = [spectral_accelerations(part, periods) for part in record.components]
-        return [
-            None if x is None or y is None else math.sqrt(x * y)
-            for x, y in zip(*components, strict=True)
-        ]
     # The call fails if one of the periods is too short for the record, or infinite. In this case,
     # compute each period separately, so that only this period has no result.
     if math.inf not in periods:
         with suppress(AnalysisError):
-            return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
+            ends = np.array(periods)
+            psa = intensity_of(record, lambda part: spectrum(part, ends, SA_DAMPING).psa)
+            return list(psa.tolist())
     if len(periods) == 1:
         return [None]
     return [value for period in periods for value in spectral_accelerations(record, [period])]

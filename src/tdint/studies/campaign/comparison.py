@@ -196,9 +196,6 @@ def _variants(
         residual = _drifts(completed, "residual_drift")
         if not by_length:
             residual = residual / completed.height
-        # The total shear includes the forces of dampers; it is missing in runs without dampers.
-        shear = completed.peaks["peak_total_shear"][:, 0]
-        shear = np.where(np.isnan(shear), completed.peaks["peak_shear"][:, 0], shear)
         rows.append(
             _Variant(
                 profile,
@@ -208,7 +205,7 @@ def _variants(
                 float(ratios_of(profile, base, drift).ratios.mean[0]) if base else math.nan,
                 _largest_mean(completed.peaks["peak_absolute_acceleration"]),
                 _largest_mean(residual),
-                float(np.mean(shear)),
+                float(np.mean(completed.peaks["peak_shear"][:, 0])),
                 *(_device(plan, store, completed, base) if is_single else (math.nan, math.nan)),
             )
         )

@@ -34,6 +34,7 @@ from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.files import is_file
 from tdint.grids import Grid, parse_grid
+from tdint.ground_motion.axes import intensity_of
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import parse_ratio
@@ -111,8 +112,10 @@ class RunMeasure:
         `period` (s); nan if it cannot be computed."""
         try:
             if self.power is None:
-                return self.value(record.scaled(abs(factor)), period)
-            return self.value(record, period) * float(abs(factor) ** self.power)
+                scaled = record.scaled(abs(factor))
+                return float(intensity_of(scaled, lambda part: self.value(part, period)))
+            unscaled = float(intensity_of(record, lambda part: self.value(part, period)))
+            return unscaled * float(abs(factor) ** self.power)
         except AnalysisError:  # the period is too short for the sampling interval of the record
             return math.nan
 
@@ -430,7 +433,7 @@ def measure_of_campaign(store: Store | None, text: str | None) -> RunMeasure:
             measure = RunMeasure(LEVEL, unit, name, lambda record, period: math.nan, called=called)
             combination = settings.get("pair", combination)
     measure = measure or run_measure("sa")
-    if store is None or not store.pair_rule().pairs or measure.called == LEVEL:
+    if store is None or not store.has_pairs or measure.called == LEVEL:
         return measure
     return replace(measure, called=f"{combination}-{measure.called}")
 

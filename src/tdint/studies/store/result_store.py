@@ -21,6 +21,7 @@ import numpy as np
 from tdint.arrays import Array, cached_property
 from tdint.errors import OutputError
 from tdint.files import digest_of, is_file
+from tdint.ground_motion.axes import intensity_of
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.output.tables.runs import si_units_of
@@ -717,6 +718,13 @@ class Store:
         outputs = self.outputs()
         return outputs is None or table in outputs
 
+    @property
+    def has_pairs(self) -> bool:
+        """True if the intensities of motions are those of pairs: of two components, which have runs
+        of their own or are one motion of a building in two directions (`HN1+HN2`)."""
+        components = (component for _, component, _ in self.records().values())
+        return self.pair_rule().pairs > 0 or any("+" in component for component in components)
+
     def pair_rule(self) -> PairRule:
         """Return the rule that combines the components of pairs, with the pairs of the store."""
         return PairRule(self.pair_demand(), recording_numbers(self.records()))
@@ -877,7 +885,8 @@ def create_tables(store: Store, identity: Identity) -> None:
         record, values = motion.record, (0.0, 0, 0.0, 0.0)
         if not isinstance(record, LoadCase):
             count = record.acceleration.size
-            values = (record.dt, count, record.pga, measure(record).pgv)
+            pgv = float(intensity_of(record, lambda part: measure(part).pgv))
+            values = (record.dt, count, record.pga, pgv)
         names = stored_text(motion.name), stored_text(motion.component)
         records.append((number, *names, motion.direction, *values, record.digest))
     with transaction(store.connection, store.name):
