@@ -128,7 +128,7 @@ def wrong(value_type: ValueType) -> list[object]:
         return ["no such name", {}]
     if isinstance(value_type, EntriesOf):
         return [
-            {},
+            *([] if value_type.or_one else [{}]),
             3,
             *([[]] if value_type.least else []),
             *([value_of_entry] for value_of_entry in wrong(value_type.type)),

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from facts import each_states, states
-from json_schema import tree
+from json_schema import tree, valid
 from tdint.errors import ModelError
 from tdint.model.building import assemble
-from tdint.model.config.model_file import load_model
+from tdint.model.config.model_file import load_model, model_schema
 from tdint.model.definition import ModalDamping, Model
 from tdint.model.plausibility import plausibility_warnings, study_plausibility_warnings
 from tdint.units import STANDARD_GRAVITY
@@ -273,3 +273,47 @@ def test_inclined_element_has_the_square_of_the_cosine(inclination):
     elements.append({"type": "linear", "stiffness": 10.0})
     building = assemble(load_model({"stories": [{"mass": 1.0, "elements": elements}]}))
     assert building.modes().omega[0] == pytest.approx(110.0**0.5, rel=1e-12)
+
+
+ELEMENTS = "stories: [{mass: 2, height: 3, elements: [%s, {type: linear, stiffness: 1}]}]\n"
+
+
+@pytest.mark.parametrize(
+    ("usual", "other"),
+    [
+        (
+            "{type: bilinear, yield_force: 3, hardening: 0.1, stiffness: 5}",
+            "{stiffness: 5, law: {type: bilinear, yield_force: 3, hardening: 0.1}}",
+        ),
+        ("{type: linear, stiffness: 5, name: a}", "{law: linear, stiffness: 5, name: a}"),
+        (
+            "{type: linear, stiffness: 5, fracture_drift: 1%}",
+            "{law: {type: linear, fracture_drift: 1%}, stiffness: 5}",
+        ),
+    ],
+)
+def test_an_element_may_have_the_form_of_a_story(usual: str, other: str) -> None:
+    assert load(ELEMENTS % usual).stories == load(ELEMENTS % other).stories
+    assert valid(tree(ELEMENTS % other), model_schema())
+
+
+def test_a_mapping_is_a_list_of_one_force() -> None:
+    force = "{floor: 1, amplitude: 2, omega: 3}"
+    many, one = (load(f"{THREE}excitation: {{forces: {text}}}") for text in (f"[{force}]", force))
+    assert many.excitation == one.excitation
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("elastoplastic", "bilinear with hardening 0"),
+        ("Elastic-Perfectly-Plastic", "bilinear with hardening 0"),
+        ("takeda", "peak-oriented with unloading"),
+        ("origin-oriented", "multilinear with rule: origin"),
+        ("friction_pendulum", "bilinear with hardening"),
+        ("Kent-Park", "multilinear with rule: peak"),
+    ],
+)
+def test_other_names_of_laws_are_translated(name: str, law: str) -> None:
+    (fault,) = faults(io.StringIO(f"stories: [{{mass: 2, stiffness: 5, law: {{type: {name}}}}}]"))
+    assert f"unknown law '{name}'; write {law}" in fault

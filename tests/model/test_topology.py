@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tdint
 from law_paths import along, random_path
 from tdint.errors import ModelError
 from tdint.kernels import layout as rows
@@ -208,6 +209,23 @@ def test_fill_in_has_columns_between_the_floors_of_long_links():
             "cannot be used with `damping`",
         ),
         ("attachments: [{floor: 1, mass: 1}]", "stiffness: is missing"),
+        (
+            "attachments: [{name: a, floor: 1, mass: 0, stiffness: 1}]\n"
+            "links: [{from: 1, to: a, dashpot: 1}]",
+            "mass: must be positive, or links with `inertance` must hold it",
+        ),
+        (
+            "attachments: [{name: a, floor: 1, mass: 0, stiffness: 1}, "
+            "{name: b, floor: 1, mass: 0, stiffness: 1}]\n"
+            "links: [{from: a, to: b, inertance: 1}]",
+            "mass: must be positive, or links with `inertance` must hold it",
+        ),
+        ("links: [{from: 1, to: 3, stiffness: -2}]", "is written as `matrices`"),
+        (
+            "links: [{from: 1, to: 3, law: {type: gap, gap: 1, stop_stiffness: 0}}]",
+            "stop_stiffness: the stop has no stiffness",
+        ),
+        ("buildings: []", "write the second building as `attachments`"),
         ("absorbers: []", "absorbers: unknown key; did you mean `attachments`?"),
         ("joints: []", r"`stiffness_matrix` of its floors, .*: K = Kff - Kfr Krr\^-1 Krf"),
         ("controller: {}", "integrate the state space of `tdint.matrices` in Python"),
@@ -360,3 +378,42 @@ def test_invalid_initial_motion_of_attachments(initial, message):
     device = "attachments: [{name: a, floor: 2, mass: 5, stiffness: 900}]"
     with pytest.raises(ModelError, match=message):
         read(f"{device}\ninitial: {initial}")
+
+
+@pytest.mark.parametrize("law", ["linear", "{type: bilinear, yield_force: 6, hardening: 0.1}"])
+def test_a_node_without_mass_is_held_by_an_inerter(law: str) -> None:
+    """The history is the limit of those of small masses: differences are proportional to them."""
+    stories = f"stories: [{{mass: 10, stiffness: 400, law: {law}}}]\ndamping: none\n"
+    node = "attachments: [{name: node, floor: 1, mass: %g, stiffness: 90}]\n"
+    link = "links: [{from: ground, to: node, inertance: 3, dashpot: 6}]\n"
+    motion = tdint.make_record(np.sin(np.linspace(0.0, 20.0, 401)), dt=0.01, units="m/s^2")
+    drifts = [
+        tdint.run(
+            load_model(io.StringIO(stories + node % mass + link)),
+            motion,
+            duration=4.0,
+            history=True,
+        ).history.drift
+        for mass in (0.0, 1e-3, 1e-4)
+    ]
+    errors = [np.abs(drift - drifts[0]).max() / np.abs(drifts[0]).max() for drift in drifts[1:]]
+    assert errors[1] < 1e-4 and errors[0] == pytest.approx(10.0 * errors[1], rel=0.05)
+
+
+def test_a_mass_between_stops_is_held_by_contact() -> None:
+    """Before the first contact the mass is at rest; the displacement of the floor is that of an
+    oscillator without it."""
+    stories = "stories: [{mass: 10, stiffness: 400}]\ndamping: none\n"
+    stop = "{from: 1, to: ball, law: {type: gap, gap: 0.02, stop_stiffness: 500}}"
+    ball = f"attachments: [{{name: ball, floor: 1, mass: 1, stiffness: 0}}]\nlinks: [{stop}]"
+    motion = tdint.make_record(np.full(201, 0.5), dt=0.01, units="m/s^2")
+    alone, both = (
+        tdint.run(
+            load_model(io.StringIO(text)), motion, duration=1.5, dt=0.002, history=True
+        ).history.drift
+        for text in (stories, stories + ball)
+    )
+    # The absolute acceleration of the floor is at most 2 a, so that it moves by at most a t^2.
+    first = int(np.sqrt(0.02 / 0.5) / 0.002)
+    assert both[:first, 0] == pytest.approx(alone[:first, 0], abs=1e-9)
+    assert np.abs(both - alone).max() > 1e-4

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 _CAMPAIGN = re.compile(rb"^(buildings|records|forces)\s*:", re.MULTILINE)
 """A top-level key of campaign files that model files do not have."""
 
+_MODEL = re.compile(rb"^(stories|building|matrices)\s*:", re.MULTILINE)
+"""A top-level key of model files that campaign files do not have."""
+
 
 def models_in(
     file: str,
@@ -37,7 +40,8 @@ def models_in(
         return None
     from tdint.model.keys.document import read_source
 
-    if not _CAMPAIGN.search(read_source(file).data):
+    data = read_source(file).data
+    if not _CAMPAIGN.search(data) or _MODEL.search(data):
         return None
     # Imported here, because the check of a model file needs no module of campaigns.
     from tdint.studies.campaign.definition import InventoryFile, LoadFiles

@@ -169,9 +169,8 @@ def command(request: ScaleRequest) -> None:
 
     CSV: one factor per component; both components of a pair have the same factor. RECORD is a file
     or a directory (all records in it). The two horizontal components of a ground motion, in one
-    file or in files with matching names, have one factor; other components are scaled separately. A
-    campaign reads the table as `factors`. With -o, a JSON file next to the table describes the
-    records and the computation of the factors.
+    file or in files with matching names, have one factor. A campaign reads the table as `factors`.
+    With -o, a JSON file next to the table describes the records and the computation of the factors.
 
     If a record fails, the remaining records are processed, unless the factors depend on the
     complete set (--p695, --rule asce7 and ec8).

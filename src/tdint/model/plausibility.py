@@ -568,7 +568,8 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
         floor = model.stories[attachment.floor - 1] if attachment.floor else spring
         masses[name] = spring.mass / floor.mass if spring.mass else math.nan
         inertia = spring.mass + spring.inertance
-        frequency = math.sqrt(spring.stiffness / inertia)
+        # Without inertia of its own, the mass is a node that the inerter of a link holds.
+        frequency = math.sqrt(spring.stiffness / inertia) if inertia else 0.0
         if frequency > 0.0:
             periods[name] = 2.0 * math.pi / frequency
             dampers[name] = spring.dashpot / (2.0 * inertia * frequency) or math.nan

@@ -40,6 +40,39 @@ UNAVAILABLE = {
 }
 """Reasons by the names of laws that other programs have and tdint lacks."""
 
+_PERFECTLY_PLASTIC = "bilinear with hardening 0"
+_STEEL = "steel"
+_BY_RULE = "multilinear with rule: "
+OTHER_NAMES = {
+    **dict.fromkeys(
+        ("elastoplastic", "elasticplastic", "elasticperfectlyplastic", "elasticpp", "epp"),
+        _PERFECTLY_PLASTIC,
+    ),
+    **dict.fromkeys(("perfectlyplastic", "coulomb", "coulombfriction"), _PERFECTLY_PLASTIC),
+    "frictionpendulum": "bilinear with hardening, the sliding force as yield_force",
+    **dict.fromkeys(("takeda", "modifiedtakeda"), "peak-oriented with unloading"),
+    **dict.fromkeys(("clough", "qhyst", "stiffnessdegrading"), "peak-oriented"),
+    **dict.fromkeys(("originoriented", "origincentered"), f"{_BY_RULE}origin"),
+    **dict.fromkeys(("flagshaped", "selfcentering", "ringspring"), f"{_BY_RULE}flag"),
+    **dict.fromkeys(("elasticmultilinear", "nonlinearelastic"), f"{_BY_RULE}elastic"),
+    **dict.fromkeys(("iwan", "masing"), f"{_BY_RULE}kinematic"),
+    "hardening": f"{_BY_RULE}isotropic",
+    "hysteretic": f"{_BY_RULE}peak",
+    "kentpark": f"{_BY_RULE}peak, with the points of its envelope",
+    **dict.fromkeys(("imkpeakoriented", "imkpinching", "ibarrakrawinkler"), "imk"),
+    "lignoskrawinkler": "imk",
+    "elastic": "linear",
+    "steel01": "bilinear",
+    **dict.fromkeys(("steel02", "menegottopinto", "steelmpf"), _STEEL),
+    **dict.fromkeys(("pinching4", "stewart"), "multilinear-pinching"),
+    "davidenkov": "ramberg-osgood",
+    "bwbn": "bouc-wen",
+    **dict.fromkeys(("stop", "hook", "pounding"), "gap"),
+    **dict.fromkeys(("maxwell", "kelvin"), "a dashpot of the story, with a brace in series or not"),
+}
+"""What a model file contains for laws with other names, in small letters without other characters.
+The glossary explains them."""
+
 
 class Laws(UserList[Any]):
     """Sequence of laws. The module of a law of tdint is imported when the law is first used, so

@@ -4,7 +4,7 @@ dashpots between any two floors."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from tdint.model.config import stories
@@ -12,6 +12,7 @@ from tdint.model.config.keys import keys
 from tdint.model.config.sections import ModelUnits, read_inertia
 from tdint.model.definition import Attachment, Link
 from tdint.model.keys.fields import (
+    NOT_NEGATIVE,
     ROOF,
     Bounds,
     Choice,
@@ -74,12 +75,16 @@ def read_devices(
     """
     names = _Names({})
     attachments = []
-    loose: list[Section | None] = []  # attachments without a spring, which links must support
+    # Attachments without a spring, and without mass, which links must hold.
+    loose: list[Section | None] = []
+    massless: list[Section | None] = []
     for number, entry in enumerate(_entries(section, "attachments"), start=1):
         if item := entry.section(_ATTACHMENT):
             attachment = _read_attachment(item, number, unit, (count, floor_mass), names)
             attachments.append(attachment)
-            loose.append(item if attachment.spring.stiffness == 0.0 else None)
+            spring = attachment.spring
+            loose.append(item if spring.stiffness == 0.0 else None)
+            massless.append(item if spring.mass == 0.0 == spring.inertance else None)
     masses = list(names.used.values())
     links = []
     for number, entry in enumerate(_entries(section, "links"), start=1):
@@ -87,20 +92,34 @@ def read_devices(
             link_name = names.read(item, "link", number)
             links.append(_read_link(item, link_name, unit, count, masses))
     if count and None not in links:
-        _report_loose(loose, count, [link for link in links if link])
+        springs = [link.ends for link in links if link and _is_spring(link.spring)]
+        inerters = [link.ends for link in links if link and link.spring.inertance]
+        for item in _not_held(loose, count, springs):
+            item.value.fault("stiffness: must be positive, or links with a stiffness must hold it")
+        for item in _not_held(massless, count, inerters):
+            item.value.fault("mass: must be positive, or links with `inertance` must hold it")
     return tuple(attachments), tuple(link for link in links if link)
 
 
-def _report_loose(loose: Sequence[Section | None], count: int, links: Sequence[Link]) -> None:
-    """Report attachments without a spring (`loose`, None for other attachments) that no chain of
-    links with a stiffness connects to the building or to the ground."""
+def _not_held(
+    loose: Sequence[Section | None], count: int, links: Sequence[tuple[int, int]]
+) -> Iterator[Section]:
+    """Yield the attachments in `loose` (None for other attachments) that no chain of links
+    connects to the building, to the ground or to another attachment."""
     held = {*range(count + 1), *(count + i for i, item in enumerate(loose, start=1) if not item)}
-    springs = [{*link.ends} for link in links if link.spring.stiffness]
-    while added := {end for ends in springs if ends & held for end in ends} - held:
+    while added := {end for ends in links if {*ends} & held for end in ends} - held:
         held |= added
     for number, item in enumerate(loose, start=count + 1):
         if item and number not in held:
-            item.value.fault("stiffness: must be positive, or links with a stiffness must hold it")
+            yield item
+
+
+def _is_spring(spring: Story) -> bool:
+    """Return True if a spring has a stiffness, at first or in contact."""
+    law = spring.law
+    return spring.stiffness != 0.0 or bool(
+        law.parameters and LAWS[law.name].stiffens(law.parameters)
+    )
 
 
 def _entries(section: Section, name: str) -> Sequence[Value]:
@@ -137,7 +156,7 @@ def _read_attachment(
     elif section.has("inertance") and not section.mentions("mass", "weight"):
         mass = 0.0
     else:
-        mass = stories.read_mass(section, unit)
+        mass = stories.read_mass(section, unit, NOT_NEGATIVE)
     spring = _read_device(section, unit, has_spring=True, mass=mass)
     if section.has("damping"):
         section.refuse(("dashpot",), "cannot be used with `damping`; give one of them")
@@ -155,7 +174,14 @@ def _read_device(
     """Return the spring and the dashpot of a device, with an attached mass, kg."""
     inertance = read_inertia(section, unit)
     stiffness, law = 0.0, LINEAR
-    if has_spring:
+    value = section.get("stiffness") if has_spring else None
+    if value and value.word.startswith("-"):
+        value.fault(
+            f"must not be negative, got {value.word!r}; a linear model with negative springs is "
+            "written as `matrices`"
+        )
+        stiffness = math.nan
+    elif has_spring:
         inertia = mass + inertance
         is_optional = inertia != 0.0 or section.has("law")
         stiffness, law = stories.read_spring(section, unit, mass=inertia, is_optional=is_optional)

@@ -157,7 +157,7 @@ MOTION_KEYS = {"record": "", "displacement": "displacement", "velocity": "veloci
 an acceleration, or the quantity that the file states."""
 
 _MOTION = Either((TextLine(), _RECORD))
-_FORCES = EntriesOf(Either((_FORCE, _TABLE_FORCE)))
+_FORCES = EntriesOf(Either((_FORCE, _TABLE_FORCE)), or_one=True)
 _OF_DIRECTION = keys("excitation", forces=_FORCES, **dict.fromkeys(MOTION_KEYS, _MOTION))
 EXCITATION = Keys(
     (*directions.with_directions(_OF_DIRECTION, directions.OF_EXCITATION), *keys("azimuth"))
@@ -347,7 +347,7 @@ _MODEL = Keys(
         *((name, "links") for name in ("link", "dampers", "dashpots", "braces", "springs")),
         *((name, _JOINTS) for name in ("beams", "columns", "members", "nodes", "joints", "frame")),
         *((name, _CONTROL) for name in ("control", "controller", "actuators", "actuator")),
-        *((name, _CONTACT) for name in ("contacts", "contact", "pounding")),
+        *((name, _CONTACT) for name in ("contacts", "contact", "pounding", "buildings")),
     ),
 )
 _DEFAULT_COLLAPSE_DRIFT = 0.10

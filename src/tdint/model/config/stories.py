@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from tdint.kernels.laws import UNAVAILABLE
+from tdint.kernels.laws import OTHER_NAMES, UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model import story_laws
 from tdint.model.config.directions import OF_STORY, with_directions
@@ -199,7 +199,11 @@ class _LawType(NamedTuple):
 
 
 LAW = _LawType(is_name_allowed=True)
-ELEMENTS = EntriesOf(_LawType((*keys("element"), *_INCLINATION)), least=1)
+_ELEMENT_KEYS = (*keys("element"), *_INCLINATION)
+ELEMENTS = EntriesOf(
+    Either((_LawType(_ELEMENT_KEYS), Keys((*_ELEMENT_KEYS, Key("law", LAW, needed=True))))),
+    least=1,
+)
 
 
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[story_laws.Law, float | None]:
@@ -287,7 +291,13 @@ def _law_name(value: Value) -> str | None:
         if value.is_word(name):
             value.fault(reason)
             return None
-    return value.choice(candidates, "law")
+    return value.choice(candidates, "law", _advice)
+
+
+def _advice(text: str) -> str:
+    """Return the end of the message about a law with another name; empty for an unknown name."""
+    name = re.sub(r"[^a-z0-9]", "", text.casefold())
+    return f"; write {OTHER_NAMES[name]}" if name in OTHER_NAMES else ""
 
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
@@ -618,6 +628,10 @@ def read_spring(
     law, stiffness_of_law = read_law(entry, unit)
     is_held = law == story_laws.LINEAR and section.has("stiffness")
     is_known = law.parameters and not any(map(math.isnan, law.parameters))
+    is_soft = is_known and law.values.get("stop_stiffness") == 0.0
+    if entry and is_soft and not section.mentions("stiffness"):
+        entry.fault("stop_stiffness: the stop has no stiffness; give a positive number")
+        return math.nan, law
     may_be_soft = is_held or (is_known and story_laws.LAWS[law.name].stiffens(law.parameters))
     stiffness = _read_stiffness(
         section, law.name, stiffness_of_law, unit, mass, is_optional and bool(may_be_soft)
@@ -688,6 +702,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
     if not entry.is_mapping:
         entry.fault("must be a mapping with `type`, `stiffness` and the parameters of the law")
         return unknown
+    entry = entry.flattened("law", "type")
     if nested := entry.peek("elements"):
         nested.fault("an element cannot contain elements; add them to the list of the story")
     law, section = _read_law_type(
@@ -745,9 +760,8 @@ def _read_stiffness(
     if entry and period:
         section.value.fault("give either `stiffness` or `period`, not both; remove one")
     if stiffness_of_law is None and not period:
-        if is_optional:
-            return section.number("stiffness", NOT_NEGATIVE, factor, default=0.0)
-        return section.number("stiffness", POSITIVE, factor)
+        bounds = NOT_NEGATIVE if is_optional else POSITIVE
+        return section.number("stiffness", bounds, factor, default=0.0 if is_optional else None)
     stiffness = math.nan
     if period:
         stiffness = mass * (2.0 * math.pi / period.number()) ** 2
@@ -769,7 +783,7 @@ def read_mass(section: Section, unit: ModelUnits, bounds: Bounds = POSITIVE) -> 
     if section.has("weight"):
         if section.has("mass"):
             section.value.fault("give either mass or weight, not both")
-        return section.number("weight", scale=unit.force / STANDARD_GRAVITY)
+        return section.number("weight", bounds, scale=unit.force / STANDARD_GRAVITY)
     if not section.mentions("mass", "weight"):
         section.need("mass", "give a positive number, or `weight` instead")
         return math.nan

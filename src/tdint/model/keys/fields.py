@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import lt
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 from tdint.errors import MAX_LISTED_FAULTS, ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
@@ -162,6 +162,8 @@ class EntriesOf(NamedTuple):
         Each entry must be larger than the entry before.
     distinct : str
         If not empty, entries must differ; the text describes the list in messages.
+    or_one : bool
+        A mapping instead of the list is its only entry.
     """
 
     type: ValueType
@@ -171,12 +173,15 @@ class EntriesOf(NamedTuple):
     short: str = ""
     growing: bool = False
     distinct: str = ""
+    or_one: bool = False
 
     def schema(self) -> Schema:
         """Return the JSON schema of a list with the allowed number of entries."""
         limits = {"minItems": self.least} if self.least else {}
         limits |= {"maxItems": self.most} if self.most is not None else {}
-        return {"type": "array", "items": self.type.schema(), **limits}
+        entry = self.type.schema()
+        schema = {"type": "array", "items": entry, **limits}
+        return {"anyOf": [entry, schema]} if self.or_one else schema
 
 
 class NamedEntries(NamedTuple):
@@ -611,13 +616,14 @@ class Value(NamedTuple):
         """Return the name if it is in `names`; None after reporting an error.
 
         `noun` is the noun for the names in messages. `advice` returns the end of the message about
-        an unknown name; by default, it suggests the name with the most similar spelling.
+        an unknown name; by default or if it is empty, the name with the most similar spelling is
+        suggested.
         """
         if not isinstance(self.node, ScalarNode) or self._is_null():
             self.fault(f"must be the name of a {noun}, got {self._message_text()}")
         elif self.node.text not in names:
             text = self.node.text
-            hint = advice(text) if advice else _unknown_key_advice(text, names)
+            hint = (advice and advice(text)) or _unknown_key_advice(text, names)
             self.fault(f"unknown {noun} {self._message_text()}{hint}")
         else:
             return self.node.text
@@ -633,6 +639,8 @@ class Value(NamedTuple):
         empty : str
             Message for an empty list. Default: an empty list is allowed.
         """
+        if self.is_mapping and isinstance(self.type, EntriesOf) and self.type.or_one:
+            return (self._replace(type=self.type.type),)
         if not isinstance(self.node, ListNode):
             self.fault(f"must be {expected}, got {self._message_text()}")
             return None
@@ -677,6 +685,22 @@ class Value(NamedTuple):
             if isinstance(key, ScalarNode) and key.text == name:
                 return Value(entry, f"{self.key}.{name}", self.faults)
         return None
+
+    def flattened(self, name: str, scalar_name: str) -> Value:
+        """Return the mapping with the entries of its entry `name` instead of that entry. An entry
+        that is no mapping gets the name `scalar_name`."""
+        inner = self.peek(name)
+        if inner is None or not isinstance(self.node, MappingNode):
+            return self
+        entries = []
+        for key, node in self.node.entries:
+            if node is not inner.node:
+                entries.append((key, node))
+            elif isinstance(node, MappingNode):
+                entries += node.entries
+            else:
+                entries.append((cast(ScalarNode, key)._replace(text=scalar_name), node))
+        return self._replace(node=self.node._replace(entries=tuple(entries)))
 
     @property
     def names(self) -> list[str]:
