@@ -37,6 +37,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
@@ -307,9 +308,11 @@ class Picture:
             figure.__class__ = ShownFigure
             assert isinstance(figure, ShownFigure)
             figure.printed = printed
-            if printed != ON_SCREEN:
-                with _panels_must_fit(printed.width):
+            with _panels_must_fit(printed.width):
+                if printed != ON_SCREEN:
                     _apply_print_settings(figure, printed)
+                _show_names_as_written(figure)
+                _uncover_curves(figure, _MAX_PAGE / INCH if printed.width else math.inf)
         return figure
 
     def __call__(self, stream: BinaryIO) -> None:
@@ -417,6 +420,45 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
         _fit(figure)
 
 
+def _uncover_curves(figure: Figure, max_height: float) -> None:
+    """Move each legend that covers a curve or an area, or is wider than its panel, above its panel
+    and its texts, with as many columns as fit; the figure grows, up to `max_height`, inches."""
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        legend, frame = axes.get_legend(), axes.get_window_extent()
+        box = legend and Bbox.intersection(legend.get_window_extent(), frame)
+        if not box:
+            continue
+        paths = [line.get_path().transformed(line.get_transform()) for line in axes.lines]
+        paths += [step.get_path().transformed(step.get_transform()) for step in axes.patches]
+        for area in axes.collections:
+            paths += [path.transformed(area.get_transform()) for path in area.get_paths()]
+        if legend.get_window_extent().width < frame.width and not any(
+            path.intersects_bbox(box, filled=False) for path in paths
+        ):
+            continue
+        texts, handles = legend.get_texts(), legend.legend_handles
+        size = texts[0].get_fontsize()
+        entry = max(text.get_window_extent().width for text in texts) + 4.0 * size * figure.dpi / 72
+        columns = min(max(int(frame.width // entry), 1), len(texts))
+        top = axes.get_tightbbox(call_axes_locator=False).y1
+        legend = axes.legend(
+            handles,
+            [text.get_text() for text in texts],
+            title=legend.get_title().get_text() or None,
+            loc="lower left",
+            bbox_to_anchor=(0.0, (top - frame.y0) / frame.height),
+            ncols=columns,
+            fontsize=size,
+            borderaxespad=0.2,
+            columnspacing=1.0,
+            handlelength=2.0,
+        )
+        added = legend.get_window_extent().height / figure.dpi
+        figure.set_figheight(min(figure.get_figheight() + added, max_height))
+        figure.draw_without_rendering()
+
+
 _MAX_THINNINGS = 3
 """Maximum number of times that the ticks of an axis are halved: a single tick of eight remains."""
 
@@ -497,27 +539,30 @@ def _hide_point_labels(axes: Any) -> None:
 _POINT_LABEL = "point"
 """Identifier of point labels, which are omitted if there is no space."""
 
-_MAX_GROWTH = 2.0
-"""Maximum factor of the height of a figure for wrapped text; panels that still do not fit are too
-narrow."""
+_MIN_PANEL, _MAX_PAGE = 0.022, 0.24  # m; minimum height of a panel, maximum height of a figure
+_GROWTH = 1.15  # factor of the height in each attempt
 
 
 def _grow(figure: Figure) -> None:
-    """Increase the height of a figure, in steps up to `_MAX_GROWTH`, until its panels fit;
-    UserWarning if they never fit.
+    """Increase the height of a figure, up to a page, until its panels fit and are high enough;
+    UserWarning if they never fit. Higher figures are reduced to a page.
 
     Matplotlib warns if the panels do not fit. The caller has set the filter for the warning to
     "error", so that Matplotlib raises an exception instead.
     """
-    width, height = figure.get_size_inches()
-    for factor in (1.0, 1.15, 1.3, 1.5, 1.75, _MAX_GROWTH):
-        figure.set_size_inches(width, factor * height)
+    height = min(figure.get_figheight(), _MAX_PAGE / INCH)
+    while True:
+        figure.set_figheight(height)
+        is_last = height >= _MAX_PAGE / INCH
         try:
             figure.draw_without_rendering()
-            return
+            smallest = min((axes.bbox.height for axes in figure.axes), default=math.inf)
+            if is_last or smallest >= _MIN_PANEL / INCH * figure.dpi:
+                return
         except UserWarning:
-            if factor == _MAX_GROWTH:
+            if is_last:
                 raise
+        height = min(_GROWTH * height, _MAX_PAGE / INCH)
 
 
 _TEXT_FRACTION = 0.8
