@@ -21,6 +21,7 @@ from tdint.output.figures.style import (
     INK,
     LIGHT,
     MARK,
+    MAX_HEIGHT,
     changed,
     drift_scale,
     is_narrow,
@@ -50,7 +51,6 @@ _MIN_BAND = 0.01
 _MIN_RESIDUAL = 0.05  # minimum residual drift that is shown, as a fraction of the peak drift
 _MIN_ENERGY = 1e-4  # minimum energy that is shown, as a fraction of the maximum input energy
 _ROUNDING = 1e-9  # maximum relative difference of times or accelerations that count as equal
-_MAX_HEIGHT = 10.5  # inches; A4 with margins of 15 mm
 _MAX_NAMED = 3  # maximum number of events that the title names
 _MAX_DEVICES = 4  # maximum number of attachments and of links in a figure
 _SEPARATE_BAR = 1.25
@@ -85,7 +85,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     has_devices = history.devices is not None
     # In a narrow figure, the devices and the profiles need two rows each.
     height = (13.0 if narrow else 9.4) + 1.3 * more + (4.0 if narrow else 2.0) * has_devices
-    height = height if narrow else min(height, _MAX_HEIGHT)
+    height = height if narrow else min(height, MAX_HEIGHT)
     figure = Figure(figsize=(8.0, height), layout="constrained")
     devices = (3.6 if narrow else 1.9,) * has_devices
     ratios = (*(1.2,) * (1 + more), 1.5, 1.7, *devices, 4.8 if narrow else 3.4)

@@ -19,7 +19,6 @@ from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.number_parsing import pluralize
 from tdint.output.figures.floor_spectra import set_floor_axes
-from tdint.output.figures.legends import legend_columns
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -27,6 +26,7 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     FirstPeriods,
+    add_legend,
     is_narrow,
     mark_first_periods,
     scaled_unit,
@@ -186,13 +186,7 @@ def _add_common_legend(figure: Figure, panels: Iterable[Any]) -> None:
     for axes in panels:
         handles, labels = axes.get_legend_handles_labels()
         handle_of_label |= dict(zip(labels, handles, strict=True))
-    labels = list(handle_of_label)
-    columns = legend_columns(labels, 4, figure.get_figwidth())
-    legend = figure.legend(
-        list(handle_of_label.values()), labels, loc="outside lower center", ncols=columns
-    )
-    for text in legend.get_texts():
-        text.set_parse_math(False)
+    add_legend(figure, list(handle_of_label.values()), list(handle_of_label), least=1)
 
 
 def _draw_motions(
