@@ -89,9 +89,9 @@ def table_number(value: float, largest: float | None = None) -> str:
 
 def abbreviate(names: Sequence[str], limit: int) -> str:
     """Return a list of names as text; names after the first `limit` names are only counted, as in
-    `a, b and 7 more`."""
+    `a, b and 7 more`. A name with a comma is quoted."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(names[:limit]) + more
+    return ", ".join(repr(name) if ", " in name else name for name in names[:limit]) + more
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:

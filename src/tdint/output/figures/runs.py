@@ -25,6 +25,7 @@ from tdint.output.figures.style import (
     changed,
     drift_scale,
     is_narrow,
+    line_style,
     motion_name,
     over_stories,
     scaled_unit,
@@ -419,7 +420,7 @@ def _draw_loop(
             axes.plot(
                 drift,
                 factor * element_force[:, column],
-                color=COLORS[1 + number % (len(COLORS) - 1)],  # the first is the color of the story
+                **line_style(1 + number % (len(COLORS) - 1)),  # the first is that of the story
                 linewidth=0.6,
                 zorder=0,
                 label=elements.element[column],
