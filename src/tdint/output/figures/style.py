@@ -421,9 +421,8 @@ def _place_legends(figure: Figure, max_height: float) -> None:
     covers a curve or an area, or is wider than its panel, above its panel and its texts. The figure
     grows by their heights, up to `max_height`, inches."""
     for legend in figure.legends:
-        if not legend.get_title().get_text():
-            place = {"loc": "outside lower center", "handlelength": 3.2}
-            _rearrange(figure, legend, figure, figure.bbox.width, max_height, place)
+        place = {"loc": "outside lower center", "handlelength": 3.2}
+        _rearrange(figure, legend, figure, figure.bbox.width, max_height, place)
     figure.draw_without_rendering()
     panels: list[Any] = [*figure.axes]
     for axes in panels:
@@ -448,7 +447,7 @@ def _rearrange(
     owner: Any, legend: Any, figure: Figure, width: float, max_height: float, place: dict[str, Any]
 ) -> None:
     """Replace a legend of a panel or figure by a legend with columns within `width`, pixels."""
-    texts, handles, title = legend.get_texts(), legend.legend_handles, legend.get_title().get_text()
+    texts, handles, title = legend.get_texts(), legend.legend_handles, legend.get_title()
     size = texts[0].get_fontsize()
     handle = (place["handlelength"] + 2.0) * size * figure.dpi / 72.0  # with the distances
     for text in texts:
@@ -458,7 +457,9 @@ def _rearrange(
     legend.remove()
     labels = [text.get_text() for text in texts]
     place = place | {"ncols": columns, "columnspacing": 1.0, "fontsize": size}
-    legend = owner.legend(handles, labels, title=title or None, **place)
+    place |= {"handleheight": legend.handleheight, "title": title.get_text() or None}
+    legend = owner.legend(handles, labels, title_fontsize=title.get_fontsize(), **place)
+    legend.get_title().set_multialignment("center")
     for old, new in zip(texts, legend.get_texts(), strict=True):
         new.set_parse_math(old.get_parse_math())
     added = legend.get_window_extent().height / figure.dpi
