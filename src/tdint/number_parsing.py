@@ -89,11 +89,9 @@ def table_number(value: float, largest: float | None = None) -> str:
 
 def abbreviate(names: Sequence[str], limit: int) -> str:
     """Return a list of names as text; names after the first `limit` names are only counted, as in
-    `a, b and 7 more`. A name with a comma is quoted; a statement
-    with a colon is not."""
+    `a, b and 7 more`."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    listed = [repr(name) if ", " in name and ":" not in name else name for name in names[:limit]]
-    return ", ".join(listed) + more
+    return ", ".join(names[:limit]) + more
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:
