@@ -50,6 +50,7 @@ def test_axis_permits_a_repeated_step_and_names_no_samples():
     assert not axis(T).breaks
     assert (axis(repeated).is_even, axis(repeated).breaks) == (True, 1)
     assert not axis(np.geomspace(0.01, 10.0, 80)).is_even
+    assert axis(np.round(0.0025 * np.arange(600), 3)).is_even  # steps of 0.002 and 0.003
     assert axis(A) is None
     assert axis(np.zeros(100)) is None
 
@@ -372,3 +373,9 @@ def test_spectra_of_any_name_are_listed(tmp_path):
 def test_resultant_cannot_be_selected(tmp_path):
     content = table(T, A, B, C, TOTAL, names="t,x,y,z,R")
     assert states(message(tmp_path, content, "g", column="R"), "resultant ... x, y, z")
+
+
+def test_quoted_title_above_unix_times_with_commas(tmp_path):
+    times = [f"{EPOCH + 0.01 * i:.3f}" for i in range(T.size)]
+    names = '"Sismo de prueba"\nNo.,Time,Acc'
+    is_right(tmp_path, of_rows(names, [str(i + 1) for i in range(600)], times, texts(A)), "g")

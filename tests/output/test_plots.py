@@ -342,7 +342,8 @@ def test_a_legend_of_long_names_is_within_its_figure():
         "five-story frame with fluid viscous dampers",
         "gap",
     )
-    figure = profile_picture([profile_of_suite(name, 3, 0) for name in named])
+    profiles = [profile_of_suite(name, 3, 0) for name in named]
+    figure = picture(".png", lambda: profile_picture(profiles)).figure()
     figure.draw_without_rendering()
     (legend,) = figure.legends
     box = legend.get_window_extent()

@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from matplotlib.axis import Tick
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 from scipy.special import ndtr
 
 import tdint
@@ -317,3 +320,37 @@ def test_no_legend_is_wider_than_the_page(results, name):
     for legend in figure.legends:
         box = legend.get_window_extent()
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
+
+
+def layout_errors(figure):
+    """Return what a reader of a laid-out figure cannot see: legends over curves, texts outside of
+    the page or below 6 points, and printed figures that are higher than a page."""
+    figure.draw_without_rendering()
+    found, page = [], figure.bbox
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        box = legend and Bbox.intersection(legend.get_window_extent(), axes.get_window_extent())
+        for line in axes.lines if box else ():
+            path = line.get_path().transformed(line.get_transform())
+            if path.intersects_bbox(box.padded(-1.0), filled=False):
+                found.append(f"the legend covers {line.get_label()}")
+    ticks = figure.findobj(Tick)  # also those outside of the limits, which are not drawn
+    labels = {label for tick in ticks for label in (tick.label1, tick.label2)}
+    for text in figure.findobj(Text):
+        if text in labels or not (text.get_visible() and text.get_text().strip()):
+            continue
+        box = text.get_window_extent()
+        if not (page.x0 - 1 <= box.x0 and box.x1 <= page.x1 + 1):
+            found.append(f"{text.get_text()!r} is cut off")
+        if text.get_fontsize() < 6.0:
+            found.append(f"{text.get_text()!r} has {text.get_fontsize()} points")
+    return found
+
+
+@pytest.mark.usefixtures("laid_out")
+@pytest.mark.parametrize("width", [None, 0.09, 0.18])
+@pytest.mark.parametrize("name", ["run", "law", "spectrum", "fragility"])
+def test_layout_at_each_width(results, name, width):
+    figure = tdint.plot(results[name], width=width)
+    assert not layout_errors(figure)
+    assert width is None or figure.get_figheight() <= 0.24 / 0.0254 + 1e-9

@@ -12,11 +12,12 @@ from tdint.assessment.chart.performance_profiles import METHODS
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import catalogue
-from tdint.output.figures.legends import add_legend, legend_columns
 from tdint.output.figures.style import (
+    add_legend,
     add_ratio_axis,
     method_styles,
     motion_name,
+    picture,
     scaled_unit,
     write_labels,
 )
@@ -50,33 +51,27 @@ def test_labels_are_next_to_their_points_without_overlap():
         assert 3.5 * unit < distance < 12.0 * unit
 
 
-def test_a_legend_lists_some_lines_and_counts_the_others():
-    figure = Figure(figsize=(7.5, 4.0))
+def with_legend(labels):
+    """Return a figure with a line for each label and a legend below its panel."""
+    figure = Figure(figsize=(7.5, 4.0), layout="constrained")
     axes = figure.subplots()
-    lines = [axes.plot([0, 1], [i, i])[0] for i in range(30)]
-    add_legend(figure, axes, lines[:1], ["alone"])
-    assert figure.legends == [] and figure.get_figheight() == 4.0
-    add_legend(figure, axes, lines, [f"line {i}" for i in range(30)])
+    lines = [axes.plot([0, 1], [i, i])[0] for i in range(len(labels))]
+    add_legend(figure, lines, labels)
+    return picture(".png", lambda: figure).figure()
+
+
+def test_a_legend_lists_some_lines_and_counts_the_others():
+    assert not with_legend(["alone"]).legends
+    figure = with_legend([f"line {i}" for i in range(30)])
     named = [text.get_text().strip() for text in figure.legends[0].get_texts()]
     assert named == [*(f"line {i}" for i in range(23)), "... and 7 more"]
-    assert figure.get_figheight() == pytest.approx(4.0 + 8 * 0.17)  # 24 entries in three columns
-    add_legend(figure, axes, lines[:24], [*["a name of 25 characters .."] * 24])
-    # 24 long entries in two columns
-    assert figure.get_figheight() == pytest.approx(4.0 + (8 + 12) * 0.17)
-    assert [legend_columns(["x" * size] * 6, 4, 5.0) for size in (1, 8, 14, 15, 26, 90)] == [
-        4, 3, 3, 2, 2, 1,
-    ]  # fmt: skip
-    assert legend_columns([], 4) == 1 and legend_columns(["x"] * 3, 5) == 3
 
 
 @pytest.mark.parametrize("size", [20, 60, 110, 300])
 def test_a_legend_is_not_wider_than_its_figure(size):
     """The ends of long labels remain visible, because they distinguish the lines."""
-    figure = Figure(figsize=(7.5, 4.0))
-    axes = figure.subplots()
     labels = [f"{'a_file_name ' * (size // 12)}, RotD{number}" for number in range(9)]
-    lines = [axes.plot([0, 1], [number, 1])[0] for number in range(9)]
-    add_legend(figure, axes, lines, labels)
+    figure = with_legend(labels)
     (legend,) = figure.legends
     extent = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer())
     assert extent.width <= figure.bbox.width
@@ -84,6 +79,21 @@ def test_a_legend_is_not_wider_than_its_figure(size):
     assert shown == [" ".join(label.split()) for label in labels]
     # The height of the figure increases by the height of the legend.
     assert figure.get_figheight() - 4.0 == pytest.approx(extent.height / figure.dpi, abs=0.5)
+
+
+def test_a_legend_over_a_curve_stands_above_its_panel():
+    t = np.linspace(0.0, 1.0, 500)
+    for is_free in (False, True):
+        figure = Figure(figsize=(4.0, 3.0), layout="constrained")
+        axes = figure.subplots()
+        axes.plot(t, np.sin(90.0 * t) * (0.1 if is_free else 1.0), label="motion")
+        axes.set(ylim=(-1.1, 1.1))
+        axes.legend(loc="upper right")
+        shown = picture(".png", lambda figure=figure: figure).figure()
+        shown.draw_without_rendering()
+        box, frame = axes.get_legend().get_window_extent(), axes.get_window_extent()
+        assert (box.y0 >= frame.y1) != is_free
+        assert (shown.get_figheight() > 3.0) != is_free
 
 
 @pytest.mark.parametrize(

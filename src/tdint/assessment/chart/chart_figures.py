@@ -12,11 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from tdint.number_parsing import abbreviate, pluralize
-from tdint.output.figures.legends import add_legend
 from tdint.output.figures.static_curves import NARROW_FOOT, PROFILE_FOOT
 from tdint.output.figures.style import (
     LIGHT,
-    NARROW,
+    add_legend,
     is_narrow,
     method_styles,
     plain_minor_numbers,
@@ -190,7 +189,7 @@ def sizes_picture(
         ends, 0.5 * limits[1] * ends / ends[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1
     )
     cost.set_ylim(limits)
-    add_legend(figure, cost, handles, lines, NARROW)
+    add_legend(figure, handles, lines)
     titled(
         figure,
         f"{name}, with more stories\ncost and accuracy over the number of stories, dt "
@@ -314,11 +313,7 @@ def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     handles, shown_points = _plot_cost_lines(axes, drawing, highlight)
     _set_cost_axes(axes, drawing, narrow=narrow)
     add_legend(
-        figure,
-        axes,
-        [*handles, band],
-        [*drawing.lines, "band" if narrow else f"band: {BAND_RULE}"],
-        NARROW,
+        figure, [*handles, band], [*drawing.lines, "band" if narrow else f"band: {BAND_RULE}"]
     )
     subject = f"{drawing.versus} against accuracy, "
     if narrow:
@@ -439,7 +434,7 @@ def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     axes.set_ylim(top=min(axes.get_ylim()[1], _MAX_ERROR))
     axes.set_xlabel(f"time step (s)\n{drawing.footnote('vertical line')}")
     axes.set_ylabel(QUANTITIES[drawing.target])
-    add_legend(figure, axes, handles, labels, NARROW)
+    add_legend(figure, handles, labels)
     return titled(figure, _title(drawing, name, "error over the time step"))
 
 
@@ -487,7 +482,6 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     shown_lines = [line for line in chart.lines if line in handles]
     add_legend(
         figure,
-        panels[0, 0],
         [handles[line] for line in shown_lines],
         [
             # The second text is empty (times False) if the method was run for all problems.
@@ -495,7 +489,6 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
             + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
             for line in shown_lines
         ],
-        NARROW,
     )
     # The conditions of the measurement are the title of the legend, because the layout reserves
     # space for a legend. A figure of a single method has no legend and no such text.

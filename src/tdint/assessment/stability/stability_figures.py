@@ -12,12 +12,11 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from tdint.arrays import Array
-from tdint.output.figures.legends import add_legend, legend_columns
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
     LIGHT,
-    NARROW,
+    add_legend,
     method_styles,
     plain_numbers,
     titled,
@@ -70,7 +69,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         zoom.set(yscale="log", ylim=(1e-4, 1.0), xlim=_BAND)
         zoom.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
         zoom.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
-    add_legend(figure, radius, lines, _curve_labels(curves), NARROW)
+    add_legend(figure, lines, _curve_labels(curves))
     # A figure with a single line has no legend, so that its title names the method.
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     noun = "damping ratio" if len(ratios) == 1 else "damping ratios"
@@ -120,7 +119,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.set_ylim(-limit, limit)
     for axes in panels[-1]:
         axes.set_xlabel("step")
-    add_legend(figure, panels[0, 0], list(lines.values()), list(lines), NARROW)
+    add_legend(figure, list(lines.values()), list(lines))
     first = motions[0]
     spring = "" if first.law == "linear" else f", {first.law} spring"
     ratios = ", ".join(f"{ratio:g}" for ratio in dampings)
@@ -193,7 +192,7 @@ def accuracy_picture(
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     axes = figure.subplots()
     lines = _draw_quantity(axes, curves, quantity, thinned(_curve_styles(curves), thin))
-    add_legend(figure, axes, lines, _curve_labels(curves), NARROW)
+    add_legend(figure, lines, _curve_labels(curves))
     return titled(figure, title)
 
 
@@ -321,7 +320,7 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(lower.xaxis)
     lower.xaxis.set_minor_formatter(NullFormatter())
-    add_legend(figure, upper, lines, methods, NARROW)
+    add_legend(figure, lines, methods)
     return figure
 
 
@@ -357,10 +356,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     axes.set_yticks(rows, [order.method for order in measured], parse_math=False)
     axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6), xlabel="observed order")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    labels = axes.get_legend_handles_labels()[1]
-    columns = legend_columns(labels, 4)
-    figure.set_figheight(figure.get_figheight() + 0.17 * (math.ceil(len(labels) / columns) - 1))
-    figure.legend(loc="outside lower center", ncols=columns, handlelength=1.2)
+    add_legend(figure, *axes.get_legend_handles_labels())
     return figure
 
 
@@ -425,7 +421,7 @@ def example_picture(
     if shown.is_error:
         for axes in (history_axes, close_up_axes):
             axes.set_ylim(bottom=0.0)
-    add_legend(figure, history_axes, list(lines.values()), list(lines), NARROW)
+    add_legend(figure, list(lines.values()), list(lines))
     reference_text = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
     floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
     return titled(

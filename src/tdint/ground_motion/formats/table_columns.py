@@ -34,7 +34,7 @@ _COMPONENT = (
 )
 _TIMES = ("t", "time", "times", "s", "sec", "zeit", "temps", "tiempo", "tempo")
 _TIME = re.compile(
-    r"(?:(?:relative|elapsed|unix|epoch|system|sensor) ?)?"
+    r"(?:(?:relative|elapsed|unix|epoch) ?)?"
     r"(?:time ?(?:s|stamps?)?|zeit|temps|tiempo|tempo)|seconds elapsed"
 )
 """Pattern of the name of a time in any column."""

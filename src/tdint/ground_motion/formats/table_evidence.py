@@ -481,9 +481,8 @@ def _interval_alone(
     if not (is_specified or _is_plausible(value)):
         return FirstNumbers()
     has_jump, excess = _differs(values, 1)
-    # A motion starts with a zero, not next to a zero.
-    is_above_zero = is_specified and values[1] == 0.0
-    if is_above_zero or (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
+    is_step = is_specified and (has_jump or values[1] == 0.0)  # a motion starts with a zero
+    if is_step or (has_jump and excess > 0) or excess >= _MIN_DIGITS_EXCESS:
         return FirstNumbers(0, value, 1, _first_lines_note(1, number, value))
     texts = [row[0] for row in words]
     decimals = {len(text.partition(".")[2]) for text in texts[1:]}

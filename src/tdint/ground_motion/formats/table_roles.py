@@ -61,11 +61,12 @@ def axis(column: NDArray[np.float64]) -> Axis | None:
         return Axis(column.size >= MIN_TIMES)  # usually, and without the sorting of the steps
     median = float(np.median(steps))
     # Half of the steps may deviate by the rounding of the printed times.
+    allowed = max(_NEARLY * median, 1.01 * last_decimal(column))
     is_even = (
-        float(np.quantile(np.abs(steps - median), 0.5)) <= _NEARLY * median
-        and float(np.quantile(steps, 0.95)) < (2.0 + _NEARLY) * median
+        np.median(np.abs(steps - median)) <= allowed
+        and np.quantile(steps, 0.95) < (2.0 + _NEARLY) * median
     )
-    return Axis(is_even, breaks)
+    return Axis(bool(is_even), breaks)
 
 
 def are_times(column: NDArray[np.float64]) -> bool:
@@ -157,9 +158,9 @@ def other_columns(
     resultants = [i for i in positive if names and names[i].may_be_resultant]
     if positive and not resultants and len(rest) > 2:
         # Only the largest column can be the resultant; the last of equal columns is.
-        last = max(positive, key=lambda i: (float(np.sum(columns[i] ** 2)), i))
+        last = max(positive, key=lambda i: (np.sum(columns[i] ** 2), i))
         root = np.sqrt(sum(columns[i] ** 2 for i in rest if i != last))
-        rounding = last_decimal(columns[last]) + 1e-3 * float(np.max(columns[last]))
-        if float(np.max(np.abs(root - columns[last]))) <= rounding:
+        rounding = last_decimal(columns[last]) + 1e-3 * np.max(columns[last])
+        if np.max(np.abs(root - columns[last])) <= rounding:
             resultants = [last]
     return found | dict.fromkeys(resultants, "is a resultant or contains absolute values")

@@ -298,7 +298,7 @@ def _check_unit_of_times(header: Sequence[str]) -> None:
     if line := next(filter(_MILLISECONDS.search, header), ""):
         raise RecordError(
             f"the times may be in ms, but the line {line.strip()[:60]!r} does not name the "
-            "columns; separate its names as the values of the rows"
+            "columns; separate its names as the values"
         )
 
 
@@ -382,7 +382,7 @@ def _with_separate_first_lines(
     block, previous = blocks[main], blocks[main - 1]
     if rows := [row for line in block.above if (row := _commented_row(line))]:
         previous = NumberBlock(block.above, rows[-1:], [block.line_numbers[0] - 1])
-    elif main == 0 or len(previous.lines) > 2 or len(" ".join(previous.lines).split()) > 3:
+    elif main == 0 or len(previous.lines) > 2 or len(" ".join(previous.lines).split()) > 5:
         return block, numbers
     joined = NumberBlock(
         previous.above,

@@ -554,13 +554,13 @@ def _without_groups(data: bytes, mark: bytes, point: bytes) -> bytes:
     A mark separates thousands if each number with the mark may have such groups, and other numbers
     have the decimal point only. Both marks are patterns.
     """
-    if not re.search(mark, data) or re.search(rb"(?<![\d.,])0?" + mark + rb"\d", data):
+    if not re.search(mark, data) or re.search(rb"(?<!\d)0?" + mark + rb"\d", data):
         return data
     group = rb"[-+]?[1-9]\d{0,2}(?:" + mark + rb"\d{3})+"
-    cells = set(re.findall(rb'"([^"]*)"', data) or re.split(rb"[;\s]+", data))
-    marked = [cell for cell in cells if re.fullmatch(rb"[-+]?\d[\d.,]*" + mark + rb".*", cell)]
-    are_groups = all(re.fullmatch(group + rb"(?:" + point + rb"\d*)?", cell) for cell in marked)
-    if not are_groups or not re.search(rb"(?<![\d.,])\d+" + point + rb"\d", data):
+    cells = re.findall(rb'"\s*([-+\d.,]+)\s*"', data) or re.split(rb"[;\s]+", data)
+    marked = {cell for cell in cells if re.fullmatch(rb"[-+]?\d[\d.,]*" + mark + rb".*", cell)}
+    forms = {bool(re.fullmatch(group + rb"(?:" + point + rb"\d*)?", cell)) for cell in marked}
+    if forms != {True} or not re.search(rb"(?<![\d.,])\d+" + point + rb"\d", data):
         return data
     return re.sub(rb"(?<![\d.,])" + group, lambda cell: re.sub(mark, b"", cell[0]), data)
 

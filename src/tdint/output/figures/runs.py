@@ -21,9 +21,11 @@ from tdint.output.figures.style import (
     INK,
     LIGHT,
     MARK,
+    MAX_HEIGHT,
     changed,
     drift_scale,
     is_narrow,
+    line_style,
     motion_name,
     over_stories,
     scaled_unit,
@@ -50,17 +52,8 @@ _MIN_BAND = 0.01
 _MIN_RESIDUAL = 0.05  # minimum residual drift that is shown, as a fraction of the peak drift
 _MIN_ENERGY = 1e-4  # minimum energy that is shown, as a fraction of the maximum input energy
 _ROUNDING = 1e-9  # maximum relative difference of times or accelerations that count as equal
-_MAX_HEIGHT = 10.5  # inches; A4 with margins of 15 mm
 _MAX_NAMED = 3  # maximum number of events that the title names
 _MAX_DEVICES = 4  # maximum number of attachments and of links in a figure
-_LEGEND_ABOVE = {
-    "loc": "lower left",
-    "bbox_to_anchor": (-0.02, 1.0),
-    "borderaxespad": 0.1,
-    "fontsize": 7.0,
-    "handlelength": 1.6,
-}
-"""Position of a legend above a panel; inside the panel, it would cover the bars."""
 _SEPARATE_BAR = 1.25
 """Length of the hatched bar of an isolator or of a story without a height, divided by the longest
 bar of the other stories. Its drift is written as text, because it is not to the scale of the axis.
@@ -91,10 +84,12 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     has_loads = bool(response.model.excitation.tables)
     more = int(response.record is not None and has_loads)
     has_devices = history.devices is not None
-    height = (12.4 if narrow else 9.4) + 1.3 * more + 2.0 * has_devices
-    height = height if narrow else min(height, _MAX_HEIGHT)
+    # In a narrow figure, the devices and the profiles need two rows each.
+    height = (13.0 if narrow else 9.4) + 1.3 * more + (4.0 if narrow else 2.0) * has_devices
+    height = height if narrow else min(height, MAX_HEIGHT)
     figure = Figure(figsize=(8.0, height), layout="constrained")
-    ratios = (*(1.0,) * (1 + more), 1.6, 1.9, *(1.9,) * has_devices, 6.4 if narrow else 3.4)
+    devices = (3.6 if narrow else 1.9,) * has_devices
+    ratios = (*(1.2,) * (1 + more), 1.5, 1.7, *devices, 4.8 if narrow else 3.4)
     grid = figure.add_gridspec(len(ratios), 1, height_ratios=ratios)
     upper: list[Any] = []
     if response.record is not None:
@@ -240,7 +235,7 @@ def _draw_roof(axes: Any, response: Response, history: History, units: OutputUni
         mark = {"color": MARK, "markersize": 7, "linestyle": "none", "zorder": 4}
         axes.plot(collapse.time, at_collapse, "x", label="collapse", clip_on=False, **mark)
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="lower left", fontsize=7.0, handlelength=1.6)
+        axes.legend()
     axes.set(ylabel=f"roof displacement\n({unit})", xlim=(history.time[0], history.time[-1]))
     axes.tick_params(labelbottom=False)
     _mark_peak(axes, history.time, roof, units.of(peak, "m"), unit)
@@ -279,24 +274,11 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         bottom = top
     axes.plot(history.time, factor * total_input, color=INK, linewidth=1.2, label="input")
     axes.set(ylabel=f"energy ({unit})", xlabel="time (s)", xlim=(history.time[0], history.time[-1]))
-    # The legend is above the panel, because it would cover the layers.
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 0.99),
-        ncols=2 if is_narrow() else 5,
-        reverse=True,
-        borderaxespad=0.0,
-        columnspacing=1.2,
-        handlelength=1.6,
-    )
+    axes.legend(reverse=True)
     if np.any(total_input):
         percent = float(f"{100.0 * abs(response.energy.error):.1g}")
         error = f"energy balance error {table_number(percent)} %"
-        # In a narrow figure, the legend occupies the space above the panel.
-        if is_narrow():
-            write_note(axes, error, y=0.3)
-        else:
-            axes.set_title(error, loc="right", fontsize=8.0)
+        axes.set_title(error, loc="right", fontsize=8.0)
 
 
 def _draw_devices(
@@ -311,7 +293,9 @@ def _draw_devices(
     assert devices is not None and peaks is not None
     count, names = len(model.attachments), [item.name for item in model.devices]
     deformation, unit = units.of(devices.drift, "m"), units.label("m")
-    panels = iter(cell.subgridspec(1, bool(model.attachments) + bool(model.links)))
+    count_panels = bool(model.attachments) + bool(model.links)
+    shape = (count_panels, 1) if is_narrow() else (1, count_panels)
+    panels = iter(cell.subgridspec(*shape))
     if model.attachments:
         axes = figure.add_subplot(next(panels))
         strokes = peaks.stories.peak_drift[:count]
@@ -338,7 +322,7 @@ def _draw_line(axes: Any, x: Array, y: Array, number: int, label: str) -> None:
     """Plot the line of an attachment or link, and update the legend above the panel."""
     color = COLORS[number % len(COLORS)]
     axes.plot(x, y, color=color, linewidth=0.8, label=label, zorder=3 - 0.1 * number)
-    axes.legend(**_LEGEND_ABOVE, ncols=2, columnspacing=1.2)
+    axes.legend()
 
 
 def _short(value: float) -> str:
@@ -436,13 +420,13 @@ def _draw_loop(
             axes.plot(
                 drift,
                 factor * element_force[:, column],
-                color=COLORS[1 + number % (len(COLORS) - 1)],  # the first is the color of the story
+                **line_style(1 + number % (len(COLORS) - 1)),  # the first is that of the story
                 linewidth=0.6,
                 zorder=0,
                 label=elements.element[column],
             )
         if axes.get_legend_handles_labels()[1]:
-            axes.legend(loc="upper left", fontsize=7.0, handlelength=1.2)
+            axes.legend()
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
@@ -478,7 +462,12 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     # On the axis, story i extends from i - 0.5 to i + 0.5. Its floor is a point at the upper end;
     # the ground is a point at 0.5.
     floors = units.of(stories.peak_absolute_acceleration, "m/s^2")
-    ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
+    ground = 0.0
+    if response.record is not None:
+        # After a collapse, the run ends before the record.
+        count = math.ceil(response.steps * response.dt / response.record.dt) + 1
+        samples = response.record.acceleration[:count]
+        ground = units.of(float(np.max(np.abs(samples))), "m/s^2")
     plot_style = {
         "color": INK,
         "linewidth": 1.2,
@@ -510,14 +499,15 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
             shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label
         )
     if lines:
-        shears.legend(**_LEGEND_ABOVE)
+        shears.legend()
     shears.set_xlabel(f"story shear ({unit})")
     for axes in panels:
         _frame_profile(axes, response)
-        axes.tick_params(labelleft=axes is drifts)
+        is_first = axes.get_subplotspec().is_first_col()
+        axes.tick_params(labelleft=is_first)
+        axes.set_ylabel("story" if is_first else "")
     # Numbers of four digits would touch each other at more than three ticks.
     shears.xaxis.set_major_locator(MaxNLocator(2, steps=[1, 2, 4, 5, 10]))
-    drifts.set_ylabel("story")
 
 
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
@@ -583,7 +573,7 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     if is_separate.any():
         axes.set_xlim(right=end)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(**_LEGEND_ABOVE)
+        axes.legend()
     axes.set_xlabel("drift (% of height)" if in_percent else f"drift ({units.label('m')})")
 
 
@@ -683,7 +673,7 @@ def _draw_two_roofs(axes: Any, response: Response, units: OutputUnits) -> None:
         roof = units.of(history.displacement[:, -1], "m")
         axes.plot(history.time, roof, label="xy"[number], **_line(number))
     axes.set(xlabel="time (s)", ylabel=f"roof displacement\n({units.label('m')})")
-    axes.legend(loc="lower right", fontsize=7.0, ncols=2, handlelength=1.6)
+    axes.legend()
 
 
 def _draw_two_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
@@ -695,7 +685,7 @@ def _draw_two_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     over_stories(axes, drift, label="resultant", color=MARK, linewidth=1.4)
     axes.set(xlabel=label, ylabel="story", ylim=(0.5, drift.size + 0.5), xlim=(0.0, None))
     axes.yaxis.get_major_locator().set_params(integer=True)
-    axes.legend(loc="best", fontsize=7.0, handlelength=1.6)
+    axes.legend()
 
 
 def _line(number: int) -> dict[str, Any]:

@@ -20,13 +20,13 @@ from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import component_names, named_components
 from tdint.number_parsing import pluralize
 from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, draw_median
-from tdint.output.figures.legends import add_legend
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
     INK,
     LIGHT,
     FirstPeriods,
+    add_legend,
     changed,
     line_style,
     mark_first_periods,
@@ -133,7 +133,7 @@ def draw_over_periods(
     for axes in rows.flat:
         axes.grid(which="minor", axis="x", color=_MINOR_GRID, linewidth=0.5)
     # A single line has no legend, because the title contains its name.
-    add_legend(figure, rows[0, 0], list(lines.values()), list(lines))
+    add_legend(figure, list(lines.values()), list(lines))
     return figure
 
 
@@ -311,7 +311,7 @@ def _add_curve_legend(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> No
         if label:
             handles.append(line)
             labels.append(label)
-    add_legend(figure, axes, handles, labels)
+    add_legend(figure, handles, labels)
 
 
 def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
@@ -546,7 +546,7 @@ def low_picture(
     handles, names = axes.get_legend_handles_labels()
     if len(names) > _MAX_INSIDE and (legend := axes.get_legend()):
         legend.remove()
-        add_legend(figure, axes, handles, names)
+        add_legend(figure, handles, names)
     return figure
 
 

@@ -35,8 +35,10 @@ except ValueError as error:  # the variable of a notebook, whose backend is not 
 from matplotlib.axis import Tick
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
@@ -60,6 +62,7 @@ it."""
 
 _MIN_FONT_SIZE, _MAX_FONT_SIZE = 6.0, 8.0  # points; the range that journals require in print
 INCH = 0.0254  # m
+MAX_HEIGHT = 10.5  # inches; A4 with margins of 15 mm
 _PRINT_DPI, _SCREEN_DPI = 600, 160  # with and without a printed width
 _NOTEBOOK_DPI = 100  # the default of matplotlib
 INK = "#1f4e79"
@@ -102,12 +105,6 @@ _METHODS = (
 """Methods that are often plotted together, in the order of their colors and markers. Each method of
 tdint in this list has a separate color."""
 _HIGHLIGHT_RATIO = 1.8  # width of the highlighted line divided by the width of the other lines
-NARROW = 31
-"""Maximum number of characters of method labels in a legend with three columns."""
-
-# Maximum number of legend entries. If the figure has more lines, the last entry states the number
-# of lines without an entry.
-
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": "tdint"},
     "pdf": {"Creator": "tdint", "CreationDate": None},
@@ -307,9 +304,11 @@ class Picture:
             figure.__class__ = ShownFigure
             assert isinstance(figure, ShownFigure)
             figure.printed = printed
-            if printed != ON_SCREEN:
-                with _panels_must_fit(printed.width):
+            with _panels_must_fit(printed.width):
+                if printed != ON_SCREEN:
                     _apply_print_settings(figure, printed)
+                _show_names_as_written(figure)
+                _place_legends(figure, _MAX_PAGE / INCH if printed.width else MAX_HEIGHT)
         return figure
 
     def __call__(self, stream: BinaryIO) -> None:
@@ -417,6 +416,75 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
         _fit(figure)
 
 
+def _place_legends(figure: Figure, max_height: float) -> None:
+    """Arrange the legends below the panels in as many columns as fit, and move each legend that
+    covers a curve or an area, or is wider than its panel, above its panel and its texts. The figure
+    grows by their heights, up to `max_height`, inches."""
+    for legend in figure.legends:
+        place = {"loc": "outside lower center", "handlelength": 3.2}
+        _rearrange(figure, legend, figure, figure.bbox.width, max_height, place)
+    figure.draw_without_rendering()
+    panels: list[Any] = [*figure.axes]
+    for axes in panels:
+        legend, frame = axes.get_legend(), axes.get_window_extent()
+        box = legend and Bbox.intersection(legend.get_window_extent(), frame)
+        if not box:
+            continue
+        paths = [line.get_path().transformed(line.get_transform()) for line in axes.lines]
+        paths += [step.get_path().transformed(step.get_transform()) for step in axes.patches]
+        for area in axes.collections:
+            paths += [path.transformed(area.get_transform()) for path in area.get_paths()]
+        if legend.get_window_extent().width > frame.width or any(
+            path.intersects_bbox(box, filled=False) for path in paths
+        ):
+            top = (axes.get_tightbbox(call_axes_locator=False).y1 - frame.y0) / frame.height
+            place = {"loc": "lower left", "bbox_to_anchor": (0.0, top), "borderaxespad": 0.2}
+            _rearrange(axes, legend, figure, frame.width, max_height, place | {"handlelength": 2.0})
+            figure.draw_without_rendering()
+
+
+def _rearrange(
+    owner: Any, legend: Any, figure: Figure, width: float, max_height: float, place: dict[str, Any]
+) -> None:
+    """Replace a legend of a panel or figure by a legend with columns within `width`, pixels."""
+    texts, handles, title = legend.get_texts(), legend.legend_handles, legend.get_title()
+    size = texts[0].get_fontsize()
+    handle = (place["handlelength"] + 2.0) * size * figure.dpi / 72.0  # with the distances
+    for text in texts:
+        _wrap(text, width - handle)
+    entry = max(text.get_window_extent().width for text in texts) + handle
+    columns = min(max(int(width // entry), 1), len(texts))
+    legend.remove()
+    labels = [text.get_text() for text in texts]
+    place = place | {"ncols": columns, "columnspacing": 1.0, "fontsize": size}
+    place |= {"handleheight": legend.handleheight, "title": title.get_text() or None}
+    legend = owner.legend(handles, labels, title_fontsize=title.get_fontsize(), **place)
+    legend.get_title().set_multialignment("center")
+    for old, new in zip(texts, legend.get_texts(), strict=True):
+        new.set_parse_math(old.get_parse_math())
+    added = legend.get_window_extent().height / figure.dpi
+    height = figure.get_figheight()
+    figure.set_figheight(max(height, min(height + added, max_height)))
+
+
+_MAX_ENTRIES = 24  # maximum number of entries of a legend
+
+
+def add_legend(figure: Figure, lines: Sequence[Any], labels: Sequence[str], least: int = 2) -> None:
+    """Add a legend of `least` or more lines below the panels. If there are more than `_MAX_ENTRIES`
+    lines, the last entry states the number of lines without an entry."""
+    if len(lines) < least:
+        return
+    if len(labels) > _MAX_ENTRIES:
+        labels = [*labels[: _MAX_ENTRIES - 1], f"... and {len(labels) - _MAX_ENTRIES + 1} more"]
+        lines = [*lines[: _MAX_ENTRIES - 1], Line2D([], [], linestyle="none")]
+    # Matplotlib ignores labels that start with _. `_place_legends` determines the columns.
+    names = [f" {label}" if label.startswith("_") else label for label in labels]
+    legend = figure.legend(lines, names, loc="outside lower center", ncols=4)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
 _MAX_THINNINGS = 3
 """Maximum number of times that the ticks of an axis are halved: a single tick of eight remains."""
 
@@ -497,27 +565,30 @@ def _hide_point_labels(axes: Any) -> None:
 _POINT_LABEL = "point"
 """Identifier of point labels, which are omitted if there is no space."""
 
-_MAX_GROWTH = 2.0
-"""Maximum factor of the height of a figure for wrapped text; panels that still do not fit are too
-narrow."""
+_MIN_PANEL, _MAX_PAGE = 0.022, 0.24  # m; minimum height of a panel, maximum height of a figure
+_GROWTH = 1.15  # factor of the height in each attempt
 
 
 def _grow(figure: Figure) -> None:
-    """Increase the height of a figure, in steps up to `_MAX_GROWTH`, until its panels fit;
-    UserWarning if they never fit.
+    """Increase the height of a figure, up to a page, until its panels fit and are high enough;
+    UserWarning if they never fit. Higher figures are reduced to a page.
 
     Matplotlib warns if the panels do not fit. The caller has set the filter for the warning to
     "error", so that Matplotlib raises an exception instead.
     """
-    width, height = figure.get_size_inches()
-    for factor in (1.0, 1.15, 1.3, 1.5, 1.75, _MAX_GROWTH):
-        figure.set_size_inches(width, factor * height)
+    height = min(figure.get_figheight(), _MAX_PAGE / INCH)
+    while True:
+        figure.set_figheight(height)
+        is_last = height >= _MAX_PAGE / INCH
         try:
             figure.draw_without_rendering()
-            return
+            smallest = min((axes.bbox.height for axes in figure.axes), default=math.inf)
+            if is_last or smallest >= _MIN_PANEL / INCH * figure.dpi:
+                return
         except UserWarning:
-            if factor == _MAX_GROWTH:
+            if is_last:
                 raise
+        height = min(_GROWTH * height, _MAX_PAGE / INCH)
 
 
 _TEXT_FRACTION = 0.8

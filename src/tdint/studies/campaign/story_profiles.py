@@ -708,9 +708,10 @@ def check_baseline(
     names = list(dict.fromkeys(buildings))
     if baseline not in names:
         suggestion = did_you_mean(baseline, names)
+        quoted = [repr(name) if ", " in name else name for name in names]
         raise UsageError(
             f"building {baseline!r} not found{suggestion}; available buildings: "
-            f"{abbreviate(names, 10)}"
+            f"{abbreviate(quoted, 10)}"
         )
     if len(names) == 1:
         raise UsageError(f"no other building to compare with {baseline!r}; add a building")

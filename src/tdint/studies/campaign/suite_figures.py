@@ -19,15 +19,15 @@ from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.number_parsing import pluralize
 from tdint.output.figures.floor_spectra import set_floor_axes
-from tdint.output.figures.legends import legend_columns
 from tdint.output.figures.style import (
-    COLORS,
     DASHES,
     INK,
     LIGHT,
     MARK,
     FirstPeriods,
+    add_legend,
     is_narrow,
+    line_style,
     mark_first_periods,
     scaled_unit,
     titled,
@@ -133,7 +133,7 @@ def ratio_picture(profiles: Sequence[Profile], baseline: str) -> Figure:
             if profile is base:
                 continue
             ratios = ratios_of(profile, base, quantity).ratios.mean[1:]
-            style = {"color": colors[profile.building][0], "label": profile.building}
+            style = colors[profile.building][0] | {"label": profile.building}
             by_floor = quantity == "peak_absolute_acceleration"
             _line(axes, ratios, by_floor, isolated_base(base.isolators), linewidth=1.9, **style)
         axes.axvline(1.0, color=INK, linewidth=0.8, linestyle=DASHES[1])
@@ -167,8 +167,8 @@ def _by_length(profiles: Sequence[Profile]) -> bool:
     )
 
 
-def building_styles(names: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Return the color and the label of each building, by the name of the building.
+def building_styles(names: Iterable[str]) -> dict[str, tuple[dict[str, Any], str]]:
+    """Return the line style and the label of each building, by the name of the building.
 
     The label is the name with a comma, for the start of a legend entry; empty for a single
     building. The colors follow from the alphabetical order, so that the order of files has no
@@ -176,8 +176,8 @@ def building_styles(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     """
     buildings = sorted(dict.fromkeys(names))
     if len(buildings) == 1:
-        return {buildings[0]: (INK, "")}
-    return {name: (COLORS[i % len(COLORS)], f"{name}, ") for i, name in enumerate(buildings)}
+        return {buildings[0]: ({"color": INK}, "")}
+    return {name: (line_style(i), f"{name}, ") for i, name in enumerate(buildings)}
 
 
 def _add_common_legend(figure: Figure, panels: Iterable[Any]) -> None:
@@ -186,39 +186,34 @@ def _add_common_legend(figure: Figure, panels: Iterable[Any]) -> None:
     for axes in panels:
         handles, labels = axes.get_legend_handles_labels()
         handle_of_label |= dict(zip(labels, handles, strict=True))
-    labels = list(handle_of_label)
-    columns = legend_columns(labels, 4, figure.get_figwidth())
-    legend = figure.legend(
-        list(handle_of_label.values()), labels, loc="outside lower center", ncols=columns
-    )
-    for text in legend.get_texts():
-        text.set_parse_math(False)
+    add_legend(figure, list(handle_of_label.values()), list(handle_of_label), least=1)
 
 
 def _draw_motions(
     axes: Any,
     rows: Array,
     line: Callable[..., Any],
-    plot_style: tuple[str, str],
+    plot_style: tuple[dict[str, Any], str],
     largest: str,
     member: str = "motion",
 ) -> None:
     """Plot the values of each ground motion as thin gray lines, and their mean and maximum. For
     several buildings, single ground motions are not plotted.
 
-    `line` plots a row of values with a line style. The plot style is the color and label of the
-    building (`building_styles`); the label of a single building is empty. The label of the maximum
-    is `largest` or `envelope`; the noun for a motion is `motion` or `run`.
+    `line` plots a row of values with a line style. The plot style is the line style and label of
+    the building (`building_styles`); the label of a single building is empty. The label of the
+    maximum is `largest` or `envelope`; the noun for a motion is `motion` or `run`.
     """
-    color, name = plot_style
+    style, name = plot_style
     if not name:
         for row in rows:
             line(row, color=GRAY, linewidth=0.7, zorder=1.5)
         noun = "ground motion" if member == "motion" else member
         axes.plot([], [], color=GRAY, linewidth=0.7, label=f"one {noun}")
-    line(np.mean(rows, axis=0), color=color, linewidth=1.9, label=f"{name}mean", zorder=3)
-    style = {"color": color, "linewidth": 1.1, "linestyle": DASHES[1], "zorder": 2.5}
-    line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
+    line(np.mean(rows, axis=0), linewidth=1.9, label=f"{name}mean", zorder=3, **style)
+    # Of several buildings, the thin line has the dashes of the building.
+    style = style if name else style | {"linestyle": DASHES[1]}
+    line(np.max(rows, axis=0), linewidth=0.9, label=f"{name}{largest}", zorder=2.5, **style)
 
 
 def _lost_motions_text(profiles: Sequence[Profile]) -> str:
@@ -300,6 +295,7 @@ def _finish_row(
         # Panels without lines, because no run has a result, have no scale.
         if not any(profile.counts.completed for profile in profiles):
             panel.set_xticks([])
+            panel.text(0.5, 0.5, "no complete run", transform=panel.transAxes, ha="center")
 
 
 def floor_suite_picture(
@@ -388,7 +384,7 @@ def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
         drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
         plot_style = plot_styles[profile.building]
         if levels > 1:
-            plot_style = (COLORS[number % len(COLORS)], f"{plot_style[1]}{profile.level_text}, ")
+            plot_style = (line_style(number), f"{plot_style[1]}{profile.level_text}, ")
         if len(drifts):
             line = partial(_line, axes, by_floor=False, base=0)
             _draw_motions(axes, drifts, line, plot_style, "largest", "run")
@@ -397,7 +393,7 @@ def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
     axes.set_xlim(left=0.0)
     axes.set_ylabel("story")
-    axes.legend(fontsize=7.0, loc="best")
+    axes.legend()
 
 
 def run_profiles(runs: Runs) -> list[Profile]:

@@ -199,7 +199,7 @@ def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) ->
     # Energy and error are unknown if no run has a result.
     accuracy = []
     if not store.checked:
-        accuracy.append("the error of the time integration was not estimated (--check)")
+        accuracy.append("the error of the time integration was not estimated")
     elif error is not None:
         accuracy.append(
             f"the largest estimated error of a maximum drift is {number_text(100.0 * error, 2)} %"

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from tdint.arrays import Array
 from tdint.number_parsing import pluralize
-from tdint.output.figures.legends import legend_columns
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
     MARKERS,
+    add_legend,
     is_narrow,
     line_style,
     plain_logarithmic,
@@ -112,9 +112,7 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
         if not has_common_measure or index >= len(types) - columns:
             axes.set_xlabel(_im_label(types[name][0]))
     lines = [axes.plot([], [], **line_style(i), linewidth=1.8)[0] for i in range(len(states))]
-    figure.legend(
-        lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2
-    )
+    add_legend(figure, lines, states)
     has_band = any(function.has_band for function in functions)
     bands = ", 95 % confidence over the motions" if has_band else ""
     return titled(figure, f"Probability of damage states and observed fractions{bands}")

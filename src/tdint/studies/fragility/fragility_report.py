@@ -249,7 +249,7 @@ def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
     facts.append(
         "The errors of the time integration were estimated."
         if settings.get("check")
-        else "The error of the time integration was not estimated (--check)."
+        else "The error of the time integration was not estimated."
     )
     if scales := settings.get("scales"):
         facts.append(f"Scale factors: {', '.join(f'{scale:g}' for scale in scales)}.")

@@ -265,7 +265,7 @@ def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[
         )
     if not settings.check:
         points.append(
-            "The error of the time integration was not estimated (--check); the energy balance of "
+            "The error of the time integration was not estimated; the energy balance of "
             "each run was checked."
         )
     if any(curve.damage for curve in study.curves):

@@ -71,7 +71,7 @@ def comparison_picture(
     # The legend also states the first period, which the spectra mark.
     lines = [*panels[0][0].get_lines()[:2], *panels[0][2].get_lines()[2:]]
     names = ["recorded", "computed", *(str(line.get_label()) for line in lines[2:])]
-    figure.legend(lines, names, loc="outside lower center", ncols=len(lines), handlelength=3.0)
+    style.add_legend(figure, lines, names)
     # The agreement depends on the method and on the processing of the recordings, so the second
     # line of the title states both.
     first = comparisons[0]
