@@ -114,7 +114,7 @@ def test_failed_story_is_reported(method):
     assert (response.collapse.story, response.collapse.failed, response.collapse.ended) == (
         1,
         True,
-        False,
+        True,
     )
     assert response.collapse.time == pytest.approx(
         np.interp(0.3, response.history.drift[:, 0], response.history.time), abs=0.011

@@ -209,7 +209,9 @@ def test_order_with_a_curved_law(name):
     times = np.linspace(0.0, 2.0, 26)
     reference = smooth(acceleration, 0.0, 0.0, times)[0]
     building = tangent_damped(
-        [story(1.0, 100.0, Law("tanh", (40.0,)))], 0.0, 0.02, forces=[Force(1, 0.0, 60.0, 7.0)]
+        [story(1.0, 100.0, Law("tanh", (40.0,)), height=math.nan)],
+        *(0.0, 0.02),
+        forces=[Force(1, 0.0, 60.0, 7.0)],
     )
     errors = []
     for dt in (0.02, 0.01, 0.005):
