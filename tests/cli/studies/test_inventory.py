@@ -76,7 +76,7 @@ def test_a_pushover_curve(folder, tdint, drawn):
     )
     assert float(table[1]["base_shear_N"]) == pytest.approx(50.0, rel=1e-9)
     assert float(table[1]["story_2_drift_m"]) == pytest.approx(25.0 / 8000.0, rel=1e-9)
-    assert "\nshaken, uniform pattern: maximum base shear " in result.stderr
+    assert "\nshaken, uniform pattern: maximum applied force " in result.stderr
     assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
 
 

@@ -364,7 +364,7 @@ def with_error_estimate(
         _with_devices(other),
         factors(case.method),
         start=start,
-        stories=len(response.stories.peak_drift),
+        stories=len(response.stories.peak_drift) + len(response.model.attachments),
     )
     if response.devices is not None and other.devices is not None:
         count = len(response.model.stories)
@@ -534,7 +534,7 @@ def story_errors(
         Peaks in the first steps of a building that moves at the start (`start_peaks`); None if the
         building is at rest at the start.
     stories : int, optional
-        Number of the first columns that are stories; attachments and links follow. By default all.
+        Number of the first columns that are stories and attachments; links follow. By default all.
     other_is_finer : bool, default True
         True if the additional run has shorter time steps, so that it limits the possible excess of
         the peaks between time steps.
@@ -644,7 +644,7 @@ def extrapolated(
 
 
 def common(errors: Array, size: Array, stories: int | None = None) -> Array:
-    """Return `size` times the root mean square over the stories of `errors` / `size`.
+    """Return `size` times the root mean square over stories and attachments of `errors` / `size`.
 
     This is the error of each story if all stories have the same relative error. Only the first
     `stories` columns (by default all) contribute, so that links that carry nothing change no error
