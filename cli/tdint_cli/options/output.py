@@ -33,6 +33,9 @@ SUFFIX = ".png"
 _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 """Suffixes that are wrong for a table: programs would report the file as corrupt."""
 
+_FILES = (*_NO_TABLES, ".csv", ".csv.gz", ".json", ".html", ".txt")
+"""Suffixes of names that users mean as a file."""
+
 
 def _check_output(value: str, parameter: click.Parameter) -> str | None:
     """Check the value of -o and return it; None for standard output (-).
@@ -51,6 +54,11 @@ def _check_output(value: str, parameter: click.Parameter) -> str | None:
         )
     if value == STDIN:
         return None
+    if alternatives == ["DIR"] and value.lower().endswith(_FILES) and not is_folder_name(value):
+        raise UsageError(
+            f"-o {value}: this command writes a directory with several tables, not a file; use a "
+            f"name without suffix, or {value}/"
+        )
     # The name of a directory may have any suffix; the suffix of a file states its format.
     is_directory = "DIR" in alternatives and is_folder_name(value)
     if alternatives != ["FILE"] and is_parquet(value) and not is_directory:

@@ -603,7 +603,7 @@ LAW = DriftLaw(
         LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
         LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
         LawParameter("exponent", low=1.0, high=100.0),
-        LawParameter("beta", low=0.0, high=1.0, low_allowed=False),
+        LawParameter("beta", low=0.0, high=1.0, low_allowed=False, is_ratio=False),
         *(replace(_RATE, name=name) for name in ("amplitude", "strength", "stiffness")),
         LawParameter("slip", low=0.0, high=1.0, high_allowed=False, group="pinching", without=0.0),
         replace(_RATE, name="rate", group="pinching", default=None, without=0.0),

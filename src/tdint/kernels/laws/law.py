@@ -61,6 +61,8 @@ class LawParameter:
         Value if the model file omits the complete group. None if the group is required.
     shared : bool
         True if one number may be specified for all parameters of the group.
+    is_ratio : bool
+        True if a number without a unit and of at most 1 is a ratio, which may be a percentage.
     """
 
     name: str
@@ -80,6 +82,7 @@ class LawParameter:
     group: str = ""
     without: float | None = None
     shared: bool = False
+    is_ratio: bool = True
 
     @property
     def path(self) -> str:

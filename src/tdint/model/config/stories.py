@@ -454,7 +454,8 @@ def _bounds(parameter: LawParameter) -> Bounds:
 
     A parameter without a unit and with an upper bound of at most 1 can be written as a percentage.
     """
-    ratio = not parameter.force and not parameter.length and parameter.high <= 1.0
+    ratio = parameter.is_ratio and not (parameter.force or parameter.length)
+    ratio = ratio and parameter.high <= 1.0
     return Bounds(
         parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio
     )

@@ -136,6 +136,8 @@ def run(
     history : bool, default False
         Keep the response history in addition to the peaks: all rows to the end of the run, also
         after the record (`Response.record_rows` is the number of rows up to the end of the record).
+        Of a building in two directions, the histories are those of `Response.directions`; its own
+        `history` is None.
     allow_unstable : bool, default False
         Run a conditionally stable method above its stability limit, and accept a response with
         energy that was produced by the method.

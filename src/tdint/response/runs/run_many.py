@@ -139,8 +139,9 @@ def run_many(
     Parameters
     ----------
     models, records : one or a sequence
-        Arguments that `run` accepts. Without records, the model's record is used; a model without
-        a record runs under its forces or from its initial motion.
+        Arguments that `run` accepts, except pairs (`Horizontals`) for buildings in two directions:
+        use `run` for each of them, or a campaign. Without records, the model's record is used; a
+        model without a record runs under its forces or from its initial motion.
     scales : float or sequence of float, default 1
         Factors on the ground accelerations, not zero.
     zip_records : bool, default False
