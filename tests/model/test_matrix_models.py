@@ -24,6 +24,31 @@ def rows(mass=(1.0, 1.0), stiffness=GOOD, **more):
     return {"matrices": {"mass": list(mass), "stiffness": stiffness, **more}}
 
 
+YIELDING = {"type": "bilinear", "yield_force": 1, "hardening": 0}
+
+
+def on_base(**story):
+    stories = [{"mass": 2.0, "height": 3.0, "stiffness": 400.0, "repeat": 2, **story}]
+    return {"stories": stories, "base": {"rotation": 900.0, "translation": 700.0}}
+
+
+def test_shear_stories_on_a_base_that_rotates_and_moves():
+    """Flexibilities add: the springs of the stories, h h' / rotation stiffness, and 1 / translation
+    stiffness. Flexural stories that hardly bend approach the result."""
+    levels = np.array([3.0, 6.0])
+    flexibility = np.minimum.outer([1.0, 2.0], [1.0, 2.0]) / 400.0
+    flexibility += np.outer(levels, levels) / 900.0 + 1.0 / 700.0
+    stiffness = tdint.matrices(tdint.load_model(on_base())).stiffness
+    assert stiffness == pytest.approx(np.linalg.inv(flexibility), rel=1e-12)
+    bending = on_base(stiffness=None, flexural={"EI": 1e9, "GA": 1200.0})
+    del bending["stories"][0]["stiffness"]
+    assert stiffness == pytest.approx(tdint.matrices(tdint.load_model(bending)).stiffness, rel=1e-5)
+    fixed = on_base()["stories"]
+    alone = tdint.matrices(tdint.load_model({"stories": fixed})).stiffness
+    rigid = {"stories": fixed, "base": {"rotation": 1e15}}
+    assert tdint.matrices(tdint.load_model(rigid)).stiffness == pytest.approx(alone, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -38,7 +63,12 @@ def rows(mass=(1.0, 1.0), stiffness=GOOD, **more):
         (frame(stories=[{**TWO[0], "dashpot": 5}, TWO[1]]), r"stories\[1\].dashpot"),
         (frame(p_delta=True), r"P-delta of stories needs their springs"),
         (frame(attachments=[{"floor": 1, "mass": 1, "stiffness": 1}]), r"attachments: cannot be"),
-        (frame(base={"rotation": 1}), r"base: needs flexural stories"),
+        (frame(base={"rotation": 1}), r"base: cannot be used with `stiffness_matrix`"),
+        (on_base(law=YIELDING), r"base: story 1 has a law or elements; the floors above"),
+        (on_base(dashpot=5), r"base: story 1 has a dashpot"),
+        (on_base(isolator=True), r"base: story 1 has `isolator`"),
+        (on_base(p_delta=True), r"base: story 1 has P-delta"),
+        ({"stories": [{"mass": 1, "stiffness": 4}], "base": {"rotation": 1}}, r"has no height"),
         (
             frame(damping={"rayleigh": {"mass": 0, "stiffness": 0.1, "tangent": True}}),
             r"a linear model has no tangent",

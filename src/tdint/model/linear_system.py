@@ -320,6 +320,13 @@ def _stick(model: Model, cuts: Array) -> tuple[Array, Flexure]:
     for i, story in enumerate(model.stories):
         assert story.flexural is not None and story.height is not None
         (bending, shear), h = story.flexural, story.height
+        if math.isinf(bending):
+            # The floors above and below rotate together: the only strain is the shear.
+            rotation[i + 1] = rotation[i]
+            strain = np.zeros(2 * n + 2)
+            strain[[displacement[i], displacement[i + 1], rotation[i]]] = [1.0, -1.0, h]
+            matrix += shear / h * np.outer(strain, strain)
+            continue
         phi = 12.0 * bending / (shear * h**2)
         segment = np.array(
             [
@@ -336,13 +343,14 @@ def _stick(model: Model, cuts: Array) -> tuple[Array, Flexure]:
     matrix[free, free] += [spring for spring in base if math.isfinite(spring)]
     turning = [n + i for i, story in enumerate(model.stories) if story.rotary_inertia]
     kept = [*range(n), *turning]
-    others = [*(k for k in range(n, 2 * n) if k not in turning), *free]
+    others = [k for k in range(n, 2 * n) if k in rotation and k not in turning] + free
     condensed = np.linalg.solve(matrix[np.ix_(others, others)], -matrix[np.ix_(others, kept)])
     stiffness = matrix[np.ix_(kept, kept)] + matrix[np.ix_(kept, others)] @ condensed
     stiffness = 0.5 * (stiffness + stiffness.T)
     motion = np.zeros((2 * n + 2, len(kept)))
     motion[others] = condensed
     motion[kept] = np.eye(len(kept))
+    motion[n : 2 * n] = motion[rotation[1:]]
     return stiffness, _flexure(model, motion, cuts @ stiffness, stiffness)
 
 

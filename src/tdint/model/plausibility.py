@@ -340,7 +340,7 @@ def _unusual_flexure(model: Model) -> list[str]:
     height = sum(story.height or 0.0 for story in model.stories)
     parts = np.full(len(model.stories), math.nan)
     for i, story in enumerate(model.stories):
-        if story.flexural is not None and story.flexural[1] < math.inf:
+        if story.flexural is not None and max(story.flexural) < math.inf:
             bending, shear = height**2 / (3.0 * story.flexural[0]), 1.0 / story.flexural[1]
             parts[i] = bending / (bending + shear)
     return unusual_stories(USUAL["bending"], parts)

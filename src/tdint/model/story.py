@@ -120,7 +120,7 @@ class Story:
         brace is the drift times this number, and so is the story force divided by its force.
     flexural : tuple of float | None
         Bending stiffness EI, N m^2, and shear stiffness GA with the shape factor, N, of a story
-        that bends; GA is infinite without shear deformation.
+        that bends; GA is infinite without shear deformation, EI without bending.
     inertance : float
         Inertance, kg: force of an inerter over the acceleration of the drift; of an attachment,
         over its acceleration relative to the ground.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,41 +41,76 @@ _LIST_OF_ROWS = "a list of rows of numbers, or a CSV file of numbers without a h
 
 
 def read_linear_stories(
-    section: Section, unit: ModelUnits, stories: tuple[Story, ...]
-) -> Matrices | None:
-    """Return the matrices of a model with flexural stories or a stiffness matrix; None
-    for other models."""
+    section: Section, unit: ModelUnits, stories: tuple[Story, ...], *, p_delta: bool
+) -> tuple[Matrices | None, tuple[Story, ...]]:
+    """Return the matrices of a model with flexural stories, a stiffness matrix or a base that
+    moves, None for other models, and its stories. Shear stories on a base are flexural stories that
+    do not bend."""
     value, base = section.get("stiffness_matrix"), section.get("base")
-    flexural = [story.flexural is not None for story in stories]
-    if base and not (flexural and any(flexural)):
-        base.fault("needs flexural stories; write a spring under a chain as its first story")
-        return None
-    if value is None and not any(flexural):
-        return None
-    _refuse_devices(section, "`flexural` and `stiffness_matrix`")
+    is_chain = value is None and not any(story.flexural for story in stories)
+    if base and is_chain:
+        stories = _rigid_in_bending(base, stories, p_delta)
+    elif is_chain:
+        return None, stories
+    _refuse_devices(section, "`base`" if base else "`flexural` and `stiffness_matrix`")
     if not _fits(section.value, len(stories)):
-        return None
+        return None, stories
     if not any(story.mass for story in stories):
         section.value.fault("at least one floor needs a mass")
-        return None
+        return None, stories
+    flexural = [story.flexural is not None for story in stories]
     if value is not None:
+        if base:
+            base.fault("cannot be used with `stiffness_matrix`; include its springs in the matrix")
         if any(flexural):
             value.fault("cannot be used with `flexural` stories; give one of the two")
         stiffness = _read_matrix(value, unit.factor(force=1, length=-1), len(stories))
         _require_definite(value, stiffness, _numbers(len(stories)), _NO_STIFFNESS)
-        return Matrices(stiffness=stiffness)
+        return Matrices(stiffness=stiffness), stories
     if not all(flexural):
-        section.value.fault(
-            f"story {flexural.index(False) + 1} needs `flexural`: either all stories bend, or none"
-        )
-        return None
+        if not (base and is_chain):
+            number = flexural.index(False) + 1
+            section.value.fault(
+                f"story {number} needs `flexural`: either all stories bend, or none"
+            )
+        return None, stories
     springs = section.inner("base")
-    return Matrices(
-        base=(
-            springs.number("rotation", scale=unit.factor(force=1, length=1), default=math.inf),
-            springs.number("translation", scale=unit.factor(force=1, length=-1), default=math.inf),
-        )
+    rotation = springs.number("rotation", scale=unit.factor(force=1, length=1), default=math.inf)
+    translation = springs.number(
+        "translation", scale=unit.factor(force=1, length=-1), default=math.inf
     )
+    return Matrices(base=(rotation, translation)), stories
+
+
+def _rigid_in_bending(base: Value, stories: tuple[Story, ...], p_delta: bool) -> tuple[Story, ...]:
+    """Return shear stories as flexural stories with an infinite bending stiffness and the shear
+    stiffness k h; report stories that are not linear springs with a height."""
+    result, reported = [], set[str]()
+    for number, story in enumerate(stories, start=1):
+        further = {
+            "no height, which the rotation of the base needs": story.height is None,
+            "a law or elements; the floors above a base that moves are linear": (
+                bool(story.elements) or story.law != LINEAR
+            ),
+            "a dashpot; give the damping as `damping`": (
+                story.dashpot != 0.0 or story.power_dashpot is not None
+            ),
+            "`isolator`; give its stiffness as `translation` of the base": story.isolator,
+            "`inertance`; write the model as `matrices`": story.inertance != 0.0,
+            "P-delta; write the model as `matrices`": (
+                p_delta if story.p_delta is None else story.p_delta
+            ),
+            "no Rayleigh damping; omit `rayleigh: false`": not (story.rayleigh or story.isolator),
+        }
+        for reason, is_present in further.items():
+            if is_present and reason not in reported:
+                reported.add(reason)
+                base.fault(f"story {number} has {reason}")
+        if story.height is not None and not any(further.values()):
+            shear = story.stiffness * story.height
+            story = replace(story, stiffness=math.nan, flexural=(math.inf, shear))
+        result.append(story)
+    return tuple(result)
 
 
 def read_matrices(

@@ -457,7 +457,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         if section.has("stiffness_matrix", "base") or any(story.flexural for story in stories):
             from tdint.model.config.matrices import read_linear_stories
 
-            matrices = read_linear_stories(section, unit, stories)
+            matrices, stories = read_linear_stories(section, unit, stories, p_delta=p_delta)
     if matrices and getattr(damping, "tangent", False):
         section.value.fault("damping.rayleigh.tangent: a linear model has no tangent; omit it")
     excitation = section.get("excitation")
