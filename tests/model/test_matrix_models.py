@@ -62,7 +62,10 @@ def test_shear_stories_on_a_base_that_rotates_and_moves():
         (frame(stories=[{**TWO[0], "elements": []}, TWO[1]]), r"stories\[1\].elements"),
         (frame(stories=[{**TWO[0], "dashpot": 5}, TWO[1]]), r"stories\[1\].dashpot"),
         (frame(p_delta=True), r"P-delta of stories needs their springs"),
-        (frame(attachments=[{"floor": 1, "mass": 1, "stiffness": 1}]), r"attachments: cannot be"),
+        (
+            {**rows(), "attachments": [{"floor": 1, "mass": 1, "stiffness": 1}]},
+            r"attachments: cannot be",
+        ),
         (frame(base={"rotation": 1}), r"base: cannot be used with `stiffness_matrix`"),
         (on_base(law=YIELDING), r"base: story 1 has a law or elements; the floors above"),
         (on_base(dashpot=5), r"base: story 1 has a dashpot"),
@@ -376,3 +379,85 @@ def test_exact_is_refused_if_rounding_destroys_it(tmp_path, damper, works):
         return
     with pytest.raises(AnalysisError, match=r"damping ratio .* of a mode.*rounding destroys"):
         peak(damper)
+
+
+FRAME = {
+    "stories": [{"mass": 2.0, "height": 3.0, "repeat": 3, "flexural": {"EI": 4e4, "GA": 3e4}}],
+    "base": {"rotation": 9e4},
+    "damping": {"modal": 0.03},
+}
+DEVICES = {
+    "attachments": [
+        {"name": "tmd", "floor": 3, "mass": 0.2, "stiffness": 40.0, "dashpot": 0.9},
+        {"name": "tank", "floor": "ground", "mass": 0.5, "stiffness": 300.0},
+    ],
+    "links": [
+        {"from": 1, "to": 3, "dashpot": 6.0, "stiffness": 50.0},
+        {"from": "tank", "to": 2, "stiffness": 20.0, "dashpot": 3.0},
+        {"from": "ground", "to": 1, "inertance": 0.7},
+    ],
+}
+
+
+def _as_matrices(frame, devices):
+    """Return the model of `matrices` with the sums over the springs of the devices."""
+    own = tdint.matrices(tdint.load_model(frame))
+    n, count = 3, 3 + len(devices["attachments"])
+    rows = {"ground": None, 1: 0, 2: 1, 3: 2, "tmd": 3, "tank": 4}
+    mass, damping, stiffness = (np.zeros((count, count)) for _ in range(3))
+    for matrix, of_frame in ((mass, own.mass), (damping, own.damping), (stiffness, own.stiffness)):
+        matrix[:n, :n] = of_frame
+    inertance = np.zeros((count, count))
+    springs = [(item["floor"], item["name"], item) for item in devices["attachments"]]
+    for start, end, item in springs + [(x["from"], x["to"], x) for x in devices["links"]]:
+        vector = np.zeros(count)
+        vector[rows[end]] = 1.0
+        if rows[start] is not None:
+            vector[rows[start]] = -1.0
+        stiffness += item.get("stiffness", 0.0) * np.outer(vector, vector)
+        damping += item.get("dashpot", 0.0) * np.outer(vector, vector)
+        inertance += item.get("inertance", 0.0) * np.outer(vector, vector)
+    for item in devices["attachments"]:
+        mass[rows[item["name"]], rows[item["name"]]] = item["mass"]
+    matrices = {"mass": mass, "stiffness": stiffness, "damping": damping, "inertance": inertance}
+    return {"matrices": {name: matrix.tolist() for name, matrix in matrices.items()}}
+
+
+def test_devices_beside_flexural_stories_equal_assembled_matrices():
+    frame = {**FRAME, "plausibility": "off, test"}
+    tree, assembled = tdint.load_model({**frame, **DEVICES}), _as_matrices(frame, DEVICES)
+    motion = tdint.make_record(np.sin(np.arange(600) * 0.07), dt=0.01, units="m/s^2")
+    one, other = (tdint.run(model, motion, history=True) for model in (tree, assembled))
+    for name in ("displacement", "velocity", "absolute_acceleration"):
+        values, right = getattr(one.history, name), getattr(other.history, name)[:, :3]
+        assert values == pytest.approx(right, abs=1e-9 * np.abs(right).max())
+    strokes = one.devices.stories.peak_drift
+    right = np.abs(other.history.displacement[:, 3] - other.history.displacement[:, 2]).max()
+    assert strokes[0] == pytest.approx(right, rel=1e-3)
+    first, second = tdint.matrices(tree), tdint.matrices(assembled)
+    for name in ("mass", "stiffness", "damping", "loaded_mass"):
+        right = getattr(second, name)
+        assert getattr(first, name) == pytest.approx(right, abs=1e-12 * np.abs(right).max())
+    assert tdint.modes(tree).period == pytest.approx(tdint.modes(assembled).period, rel=1e-9)
+    frequencies = np.array([0.4, 1.1, 2.5])
+    for frequency, found in zip(
+        frequencies, tdint.transfer_function(tree, frequencies).response, strict=True
+    ):
+        omega = 2.0 * np.pi * frequency
+        matrix = second.stiffness + 1j * omega * second.damping - omega**2 * second.mass
+        load = omega**2 * second.loaded_mass @ second.influence
+        assert found == pytest.approx(np.linalg.solve(matrix, load) + 1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"law": {**YIELDING, "yield_force": 9}}, "tmd: beside `flexural`"),
+        ({"dashpot": {"coefficient": 1, "exponent": 0.5}}, "tmd: beside `flexural`"),
+    ],
+)
+def test_devices_beside_flexural_stories_are_linear(change, message):
+    first, *others = DEVICES["attachments"]
+    devices = {**DEVICES, "attachments": [{**first, **change}, *others]}
+    with pytest.raises(ModelError, match=message):
+        tdint.load_model({**FRAME, **devices})

@@ -649,52 +649,23 @@ def assemble(model: Model, samples: tuple[int, ...] = ()) -> Building:
     if model.matrices is not None:
         return _assemble_linear(model)
     building = _assemble_springs(model, samples)
-    return _with_inerters(building, model) if model.has_inertance else building
+    return _with_matrices(building, model) if model.has_inertance else building
 
 
-def _with_inerters(building: Building, model: Model) -> Building:
-    """Return a building with the matrices of the inerters of a model, and with the rows of the
-    inerters for the compiled loop if it is not linear.
-
-    The matrices have the initial stiffnesses. The inerter of a story or link acts on its
-    deformation, the inerter of an attachment on its motion relative to the ground. Damping and
-    loaded masses do not include inerters.
-    """
+def _with_matrices(building: Building, model: Model, frame: LinearSystem | None = None) -> Building:
+    """Return a building of springs with its matrices (`linear_system.system_of_springs`), and with
+    the rows of the inerters for the compiled loop if it is not linear."""
     # Imported here, because few models have inerters.
-    from tdint.model.linear_system import LinearSystem, MatrixVibration
+    from tdint.model.linear_system import system_of_springs
 
-    count, rows_of_mass = building.masses, slice(building.floors, building.masses)
-    motions = building.deformations.copy()
-    motions[rows_of_mass] = np.eye(count)[rows_of_mass]
-    inertance = np.zeros(len(motions))
+    inertance = np.zeros(len(building.deformations))
     springs = [spring.inertance for _, spring in model.springs]
     inertance[: len(springs)] = springs
-    mass = np.diag(building.mass)
-    inertia = mass + (motions.T * inertance) @ motions
-    # An attachment is above the stories below its floor.
-    floors = np.arange(building.floors)
-    supports = [*floors + 1, *(item.floor for item in model.attachments)]
-    cuts = (floors[:, None] < np.array(supports)).astype(float)
-    stiffness, influence = building.stiffness_matrix(), np.ones(count)
-    springs_of_laws = building.story_laws[rows.STIFFNESS, :, None]
-    bare = building.vibration
-    vibration = MatrixVibration(
-        *(np.diagonal(inertia), bare.stiffness, bare.link, bare.geometric),
-        deformations=building.deformations,
-        roof=building.floors - 1,
-        mass_matrix=inertia,
-        loaded_mass=mass,
-        stiffness_matrix=stiffness,
-        influence=influence,
-    )
-    system = LinearSystem(
-        *(inertia, mass, stiffness, building.damping_matrix()),
-        *(influence, building.deformations, cuts, springs_of_laws * building.deformations),
-        inerters=inertance[:, None] * motions,
-    )
+    system, vibration = system_of_springs(building, inertance, frame)
     linear_terms = building.linear_terms
     if not model.has_linear_springs:
-        linear_terms = _with_inertance(linear_terms, inertia, inertance, rows_of_mass)
+        attached = slice(building.floors, building.masses)
+        linear_terms = _with_inertance(linear_terms, system.mass, inertance, attached)
     return replace(building, linear_terms=linear_terms, system=system, vibration=vibration)
 
 
@@ -809,7 +780,15 @@ def _assemble_linear(model: Model) -> Building:
     # Imported here, because few models have matrices.
     from tdint.model.linear_system import assemble_system
 
-    system, vibration = assemble_system(model)
+    system, vibration = assemble_system(replace(model, attachments=(), links=()))
+    if model.devices:
+        # Springs with the stiffness of the drifts take the place of the stories.
+        stories = tuple(
+            replace(story, stiffness=stiffness, flexural=None)
+            for story, stiffness in zip(model.stories, system.drift_stiffness.tolist(), strict=True)
+        )
+        springs = replace(model, stories=stories, matrices=None, damping=None)
+        return _with_matrices(_assemble_springs(springs, ()), springs, system)
     n, floors = len(system.mass), len(model.stories)
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :floors] = np.diagonal(system.loaded_mass)[:floors]

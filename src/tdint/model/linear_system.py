@@ -14,14 +14,23 @@ forces on these rows are moments, and the ground motion does not load them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
+from tdint.kernels import layout as rows
 from tdint.model.damping import rayleigh
-from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.definition import (
+    Attachment,
+    ModalDamping,
+    Model,
+    RayleighCoefficients,
+    RayleighRatio,
+)
 from tdint.model.modes import Braces, FreeVibration, Modes, check_springs
 from tdint.model.story import column_name
 
@@ -51,6 +60,17 @@ class Flexure:
     bending_drift: Array
     base: Array
     levels: Array
+
+    def beside(self, attachments: Sequence[Attachment]) -> Flexure:
+        """Return the matrices with further rows of attachments, which act at their floors."""
+        count = len(attachments)
+        heights = [self.levels[item.floor - 1] if item.floor else 0.0 for item in attachments]
+        padded = {
+            item.name: np.pad(getattr(self, item.name), ((0, 0), (0, count)))
+            for item in fields(self)
+            if item.name != "levels"
+        }
+        return Flexure(**padded, levels=np.append(self.levels, heights))
 
 
 @dataclass(frozen=True)
@@ -254,6 +274,56 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         *matrices_of_system,
         *(influence, drifts, cuts, np.vstack([cuts @ stiffness, stiffness[n:]])),
         *(names, flexure, lag),
+    )
+    return system, vibration
+
+
+def system_of_springs(
+    building: Any, inertance: Array, frame: LinearSystem | None = None
+) -> tuple[LinearSystem, MatrixVibration]:
+    """Return the matrices of a building of springs (`Building`) with inerters, kg, and its
+    vibration.
+
+    The matrices have the initial stiffnesses. The inerter of a story or link acts on its
+    deformation, the inerter of an attachment on its motion relative to the ground. Damping and
+    loaded masses do not include inerters. The matrices of the floors in `frame` replace the springs
+    and the damping of the stories.
+    """
+    count, n = building.masses, building.floors
+    deformations = building.deformations.copy()
+    motions = deformations.copy()
+    motions[n:count] = np.eye(count)[n:count]
+    mass = np.diag(building.mass)
+    inertia = mass + (motions.T * inertance) @ motions
+    # An attachment is above the stories below its floor.
+    floors = np.arange(n)
+    supports = [*floors + 1, *(item.floor for item in building.attachments)]
+    cuts = (floors[:, None] < np.array(supports)).astype(float)
+    stiffness, damping = building.stiffness_matrix(), building.damping_matrix()
+    forces = building.story_laws[rows.STIFFNESS, :, None] * deformations
+    flexure = frame.flexure if frame else None
+    if frame:
+        stiffness = deformations[n:].T @ forces[n:]
+        stiffness[:n, :n] += frame.stiffness
+        damping[:n, :n] += frame.damping
+        deformations[:n], forces[:n] = 0.0, 0.0
+        deformations[:n, :n], forces[:n, :n] = frame.deformations, frame.spring_forces
+        flexure = flexure and flexure.beside(building.attachments)
+    bare, influence = building.vibration, np.ones(count)
+    vibration = MatrixVibration(
+        *(np.diagonal(inertia), bare.stiffness, bare.link, bare.geometric),
+        deformations=deformations,
+        roof=n - 1,
+        mass_matrix=inertia,
+        loaded_mass=mass,
+        stiffness_matrix=stiffness,
+        influence=influence,
+    )
+    system = LinearSystem(
+        *(inertia, mass, stiffness, damping),
+        *(influence, deformations, cuts, forces),
+        flexure=flexure,
+        inerters=inertance[:, None] * motions if inertance.any() else np.zeros((0, count)),
     )
     return system, vibration
 

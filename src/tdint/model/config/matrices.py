@@ -16,10 +16,10 @@ from tdint.arrays import Array
 from tdint.model.config.matrix_keys import MATRICES
 from tdint.model.config.number_tables import square_table
 from tdint.model.config.sections import ModelUnits
-from tdint.model.definition import Matrices
+from tdint.model.definition import Attachment, Link, Matrices
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.nodes import ListNode
-from tdint.model.story import Story, column_name
+from tdint.model.story import Story, column_name, is_linear
 from tdint.model.story_laws import LINEAR
 
 MAX_ROWS = 2000
@@ -52,7 +52,6 @@ def read_linear_stories(
         stories = _rigid_in_bending(base, stories, p_delta)
     elif is_chain:
         return None, stories
-    _refuse_devices(section, "`base`" if base else "`flexural` and `stiffness_matrix`")
     if not _fits(section.value, len(stories)):
         return None, stories
     if not any(story.mass for story in stories):
@@ -118,7 +117,9 @@ def read_matrices(
 ) -> tuple[Matrices | None, tuple[Story, ...]]:
     """Return the matrices of the key `matrices`, and a story without a height for each row; None
     and no stories after an error."""
-    _refuse_devices(section, "`matrices`")
+    section.refuse(
+        ("attachments", "links"), "cannot be used with `matrices`; add a row to `matrices` instead"
+    )
     section.refuse(
         ("stories", "building", "stiffness_matrix", "base", "p_delta"),
         "cannot be used with `matrices`, which contains the complete model",
@@ -163,11 +164,21 @@ def read_matrices(
     return Matrices(stiffness, names, mass, damping, influence, inertance=inertance), stories
 
 
-def _refuse_devices(section: Section, by: str) -> None:
-    """Report attachments and links of a linear model without springs."""
-    section.refuse(
-        ("attachments", "links"), f"cannot be used with {by}; add a row to `matrices` instead"
-    )
+def check_devices(
+    value: Value, stories: Sequence[Story], devices: Sequence[Attachment | Link]
+) -> None:
+    """Report attachments and links that are not linear, and floors that rotate beside them."""
+    for device in devices:
+        if not is_linear(device.spring):
+            value.fault(
+                f"{device.name}: beside `flexural`, `base` and `stiffness_matrix`, the springs and "
+                "dampers of attachments and links are linear, without a brace"
+            )
+    if any(story.rotary_inertia for story in stories):
+        value.fault(
+            "`rotary_inertia` cannot be used with attachments and links; write the model as "
+            "`matrices`"
+        )
 
 
 def _fits(value: Value, count: int) -> bool:

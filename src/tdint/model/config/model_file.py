@@ -462,6 +462,10 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         section.value.fault("damping.rayleigh.tangent: a linear model has no tangent; omit it")
     excitation = section.get("excitation")
     attachments, links = read_devices(section, unit, count, sum(story.mass for story in stories))
+    if matrices and (attachments or links):
+        from tdint.model.config.matrices import check_devices
+
+        check_devices(section.value, stories, (*attachments, *links))
 
     # Imported here, because most models have no damage states and no limits.
     damage: DamageStates | None = None
