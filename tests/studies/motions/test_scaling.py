@@ -393,3 +393,23 @@ def test_target_of_another_damping_ratio_is_refused(tmp_path):
     assert read_target(single).damping == 0.05
     factors = [float(scale([record], target=file).factors[0]) for file in (several, single)]
     assert factors[0] == factors[1]
+
+
+@pytest.mark.parametrize(("name", "index"), [("pgv", 0), ("pgd", 1)])
+def test_peaks_in_all_directions_contain_the_peaks_of_the_files(name: str, index: int) -> None:
+    """A file may state another peak than the integrated motion has. RotD100 is at least the peak of
+    each component and at most the root of the sum of their squares."""
+    rng = np.random.default_rng(3)
+    peaks = ([0.31, 0.05], [0.22, 0.09])
+    pair = Horizontals(
+        *(
+            Record(rng.normal(size=400), 0.01, "a", code, "", "", peaks=tuple(stated))
+            for code, stated in zip("xy", peaks, strict=True)
+        )
+    )
+    measured = MotionIntensity(name)
+    stated = [peaks[0][index], peaks[1][index]]
+    assert measured.of(pair, "larger") == pytest.approx(max(stated))
+    largest = measured.of(pair, "rotd100")
+    assert max(stated) * (1.0 - 1e-12) <= largest <= math.hypot(*stated) * (1.0 + 1e-12)
+    assert measured.of(pair, "rotd50") <= largest

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -41,6 +41,7 @@ AVERAGE = Grid(0.2, 3.0, 50)
 """Default multiples of the period over which Sa is averaged (Eads et al. 2015)."""
 
 _DIRECTIONS = 180  # number of directions of RotD, one per degree (Boore 2010)
+_NO_PEAKS = (None, None)
 
 
 @dataclass(frozen=True)
@@ -105,13 +106,22 @@ class MotionIntensity:
             return positive(float(combined), self.name, motion)
         # In the opposite direction only the sign of the motion differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
-        x, y, dt = first.acceleration, second.acceleration, first.dt
+        x, y = (_to_peak_of_file(record, value) for record in (first, second))
+        dt = first.dt
         # The rotated records have no names (empty texts).
         values = [
             value(Record(math.cos(angle) * x + math.sin(angle) * y, dt, "", "", "", ""))
             for angle in angles.tolist()
         ]
         return positive(float(np.percentile(values, percentile)), self.name, motion)
+
+
+def _to_peak_of_file(record: Record, value: Callable[[Record], float]) -> Array:
+    """Return the acceleration of a component, m/s^2. If `value` is a peak that the file states, it
+    is scaled so that its integral has this peak: motions in other directions are integrated."""
+    if record.peaks == _NO_PEAKS:
+        return record.acceleration
+    return record.acceleration * (value(record) / (value(replace(record, peaks=_NO_PEAKS)) or 1.0))
 
 
 def scaling_obstacle(name: str) -> str:
