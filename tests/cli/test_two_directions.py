@@ -290,3 +290,25 @@ def test_rest_and_period_of_two_directions(both, tdint):
     assert content["building"]["t1_s"] == pytest.approx(longer)
     (checked,) = rows(tdint("check both.yaml", code=0).stdout)
     assert float(checked["t1_s"]) == pytest.approx(longer)
+
+
+def test_strokes_of_two_directions_are_the_larger_ones(folder, tdint, pairs):
+    """In a run, a campaign and `ida`; limits apply to them."""
+    devices = "attachments: [{name: tmd, floor: 2, mass: 3000, stiffness: 1e6, dashpot: 2e4}]\n"
+    limits = "limits: {attachment_stroke: 0.001}\n"
+    (folder / "tmd.yaml").write_text(MODEL + devices + limits)
+    (folder / "study.yaml").write_text(
+        "buildings: {models: [tmd.yaml]}\n"
+        f"records: {{files: [{', '.join(pairs[:2])}]}}\nintensity: {{scales: [1.0]}}\n"
+    )
+    alone = tdint("run", "tmd.yaml", *pairs[:2], "-o", "out", code=0)
+    strokes = [
+        float(rows((folder / f"out/{name}-attachments.csv").read_text())[0]["peak_drift_m"])
+        for name in "xy"
+    ]
+    assert strokes[0] != strokes[1]
+    result = tdint("campaign study.yaml -o study", code=0)
+    (row,) = rows((folder / "study/attachments.csv").read_text())
+    assert float(row["peak_drift_m"]) == pytest.approx(max(strokes), rel=1e-9)
+    for text in (alone.stderr, result.stderr):
+        assert f"attachment stroke {max(strokes):.4g} m (attachment tmd" in text

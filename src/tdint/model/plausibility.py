@@ -240,7 +240,7 @@ def _without_devices(model: Model, building: Building) -> tuple[Model, Building]
                 yield_drift=building.yield_drift[: len(model.stories)],
             )
         return model, building
-    bare = replace(model, attachments=(), links=())
+    bare = replace(model, attachments=(), links=(), across=None)  # of one direction
     return bare, assemble(bare)
 
 

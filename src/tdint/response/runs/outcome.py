@@ -717,7 +717,8 @@ class Response(Tabular):
     def limit_checks(self, limit: float | str | None = None) -> "tuple[LimitCheck, ...]":
         """Compare the demands with limits.
 
-        A building that collapsed does not meet any limit, regardless of the demands.
+        A building that collapsed does not meet any limit, regardless of the demands. In two
+        directions, strokes and forces of attachments and links are the larger of both.
 
         Parameters
         ----------

@@ -488,12 +488,28 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
         collapse=collapse,
         check=check,
         growth=max(x.growth, y.growth),
-        devices=None,
+        devices=_larger_devices(x.devices, y.devices),
         elements=None,
         flexure=None,
         directions=(x, y),
         resultants=resultants,
     )
+
+
+def _larger_devices(
+    x: outcome.DevicePeaks | None, y: outcome.DevicePeaks | None
+) -> outcome.DevicePeaks | None:
+    """Return the larger peaks of attachments and links, which act in both directions separately,
+    and the sums of their energies; None unless both directions have the same ones."""
+    if x is None or y is None or (x.attachments, x.links) != (y.attachments, y.links):
+        return None
+    # A fracture is reported with its direction.
+    x, y = (replace(part, fracture_time=None, fracture_drift=None) for part in (x, y))
+    larger: outcome.DevicePeaks = each_array(lambda *values: np.fmax(*np.abs(values)), x, y)
+    energy, error = x.dissipated_energy + y.dissipated_energy, None
+    if x.dissipated_energy_error is not None and y.dissipated_energy_error is not None:
+        error = x.dissipated_energy_error + y.dissipated_energy_error
+    return replace(larger, dissipated_energy=energy, dissipated_energy_error=error)
 
 
 def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
