@@ -388,3 +388,24 @@ def test_forces_of_elements_are_histories():
     assert np.isnan(runs.history["element_force"][2:]).all()
     with pytest.raises(UsageError, match="element_force needs a building with several elements"):
         tdint.run_many(featured(("power",)), MOTION, history="element_force")
+
+
+def test_peaks_of_attachments_and_links_are_those_of_single_runs():
+    """Also in batches, with a building that has none, and in a part of the runs."""
+    content = {
+        "stories": [{"mass": 2e3, "stiffness": 2e6, "repeat": 2}],
+        "damping": "2%",
+        "attachments": [
+            {"name": "tmd", "floor": 2, "mass": 90.0, "stiffness": 4e4, "dashpot": 90.0}
+        ],
+        "links": [{"from": "ground", "to": 2, "dashpot": 500.0}],
+    }
+    models = [tdint.load_model(content), two_stories()]
+    runs = tdint.run_many(models, RECORDS[0], scales=SCALES, check=False)
+    for i, scale in enumerate(SCALES):
+        single = tdint.run(models[0], RECORDS[0].scaled(scale), check=False).devices.stories
+        for name in ("peak_drift", "peak_shear", "peak_damper_force", "peak_velocity"):
+            assert getattr(runs.devices, name)[i].tolist() == getattr(single, name).tolist()
+    assert np.isnan(runs.devices.peak_drift[3:]).all()
+    assert runs[1:2].devices.peak_drift.tolist() == runs.devices.peak_drift[1:2].tolist()
+    assert tdint.run_many(models[1], RECORDS[0]).devices is None

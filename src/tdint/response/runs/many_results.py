@@ -82,6 +82,9 @@ class Runs(Tabular):
         Values of the varied parameters by name; `models` contains the buildings as given.
     gradient : Gradient | None
         Derivatives of the peaks, if requested.
+    devices : StoryPeaks | None
+        Peaks of the attachments and then the links, shape (runs, attachments and links), as
+        `Response.devices.stories`; None without.
     warnings : tuple of str
         Unusual values of the buildings, each with its model file, as shown by `check`.
     record_rows : ndarray of int, shape (runs,)
@@ -108,6 +111,7 @@ class Runs(Tabular):
     gradient: Gradient | None = None
     warnings: tuple[str, ...] = ()
     record_rows: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    devices: StoryPeaks | None = None
 
     def __len__(self) -> int:
         return len(self.model)
@@ -318,7 +322,7 @@ class Runs(Tabular):
 
 _ARRAYS_OF_RUNS = (
     *("model", "record", "scale", "dt", "steps", "status", "energy_error", "stories", "history"),
-    "record_rows",
+    *("record_rows", "devices"),
     *("errors", "corrected", "varied", "gradient"),
 )
 """Attributes of `Runs` with arrays that have the run as their first axis."""

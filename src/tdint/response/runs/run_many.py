@@ -456,6 +456,8 @@ def _empty_result(
         }
         for value_class in (StoryPeaks, StoryErrors, StoryErrors)
     )
+    attached = max((len(subject.model.devices) for subject in request.subjects), default=0)
+    devices = {field.name: np.full((len(plan), attached), math.nan) for field in fields(StoryPeaks)}
     return Runs(
         models=tuple(subject.model for subject in request.subjects),
         records=request.records,
@@ -468,6 +470,7 @@ def _empty_result(
         status=np.full(len(plan), INTERRUPTED, "<U24"),
         energy_error=np.full(len(plan), math.nan),
         stories=StoryPeaks(**peaks),
+        devices=StoryPeaks(**devices) if attached else None,
         history=history_arrays(shapes, out),
         every=every,
         failures={},
@@ -500,6 +503,9 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
         )
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
+        for i, number in enumerate(numbers):
+            if i not in outcomes.failures and (peaks := outcomes.devices_of(i)):
+                store_values(result.devices, number, peaks.stories)
         result.energy_error[numbers] = outcomes.energy_error
         result.steps[numbers] = outcomes.steps
         for i, status in outcomes.status.items():
