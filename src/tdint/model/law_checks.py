@@ -173,9 +173,14 @@ def path_faults(
     # on long paths, because a branch with a finite slope can start at large drifts.
     sizes = sorted([*yield_sizes, *_DECADES])
     short_sizes = (yield_sizes[:2] or _DECADES[:3]) if law.curved else sizes
+    decisive = max(yield_sizes or _DECADES[:3])
     for size in sizes if law.kinked else short_sizes:
         max_force = max_slope = 0.0
         for point in _follow(law, column, guard, _path_drifts(size), _SLOPE_INCREMENT * size):
+            # A law that stiffens without a limit has no finite force at drifts far beyond yield,
+            # where a run ends with a message.
+            if size > decisive and not math.isfinite(point.force):
+                break
             max_force = max(max_force, abs(point.force))
             max_slope = max(max_slope, *map(abs, point.slopes))
             tolerance = _FORCE_TOLERANCE * max_force

@@ -77,6 +77,31 @@ def test_bouc_wen(name, interpreted):  # noqa: F811
     assert np.abs(solution.y[2] - (1.0 - a) * k * solution.y[0]).max() > 0.3 * strength
 
 
+def test_law_that_stiffens_without_a_limit(interpreted, monkeypatch):  # noqa: F811
+    """With beta + gamma = -1, the force is infinite at a drift of pi / 2 times F / ((1 - a) k),
+    which the path of its check to 1 m exceeds."""
+    monkeypatch.setattr(law_checks, "_DECADES", (*law_checks._DECADES, 1.0))
+    tdint.load_plugin(RECIPES / "general_bouc_wen.py")
+    a, strength, beta, gamma = 0.5, 0.5, 0.5, -1.5
+    law = {"type": "general-bouc-wen", "force": strength, "hardening": a, "exponent": 2.0}
+    story = {"mass": 1.0, "stiffness": 1.0, "dashpot": 0.2}
+    model = tdint.load_model({"stories": [{**story, "law": {**law, "beta": beta, "gamma": gamma}}]})
+    times = 0.02 * np.arange(300)
+    motion = tdint.make_record(0.05 * np.sin(1.3 * times), dt=0.02, units="m/s^2")
+
+    def rate(t, y):
+        u, v, z = y.tolist()
+        force = 0.2 * v + a * u + (1.0 - a) * z
+        shape = beta * sign(v * z) + gamma
+        change = v * (1.0 - abs((1.0 - a) * z / strength) ** 2 * shape)
+        return [v, -np.interp(t, times, motion.acceleration) - force, change]
+
+    options = {"rtol": 1e-9, "atol": 1e-11, "max_step": 0.02, "t_eval": times}
+    right = solve_ivp(rate, (0.0, times[-1]), [0.0] * 3, **options).y[0]
+    found = tdint.run(model, motion, history=True, check=False).history.displacement[:300, 0]
+    np.testing.assert_allclose(found, right, rtol=0.0, atol=1e-3 * np.abs(right).max())
+
+
 @pytest.mark.slow
 def test_nine_stories_with_gamma_above_beta_and_compiled_loops():
     """A reduced model of nine stories whose Bouc-Wen laws have a gamma above beta."""
