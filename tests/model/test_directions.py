@@ -2,6 +2,7 @@
 
 import pytest
 
+import tdint
 from tdint import load_model
 from tdint.errors import ModelError
 from tdint.model.config.model_file import model_schema
@@ -125,3 +126,20 @@ def test_the_schema_has_the_directions():
     assert "mass" not in story["y"]["properties"]
     assert set(schema["excitation"]["properties"]["y"]["properties"]) > {"record", "forces"}
     assert "damping" in schema["x"]["properties"]
+
+
+def test_base_of_each_direction():
+    """Each direction rocks on its own spring, as the model with this direction alone."""
+    stories = [{"mass": 2.0, "height": 3.0, "x": {"stiffness": 90.0}, "y": {"stiffness": 60.0}}]
+    both = tdint.load_model(
+        {
+            "stories": stories,
+            **{
+                name: {"base": {"rotation": spring}}
+                for name, spring in (("x", 700.0), ("y", 500.0))
+            },
+        }
+    )
+    for model, stiffness, spring in zip(both.directions, (90.0, 60.0), (700.0, 500.0), strict=True):
+        flexibility = 1.0 / stiffness + 3.0**2 / spring
+        assert tdint.matrices(model).stiffness[0, 0] == pytest.approx(1.0 / flexibility, rel=1e-12)

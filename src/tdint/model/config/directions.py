@@ -124,7 +124,9 @@ def _coupling_entries(root: Value) -> Iterator[tuple[ScalarNode, Node]]:
         for key, value in node.entries if isinstance(node, MappingNode) else ():
             if isinstance(key, ScalarNode):
                 yield key, value
-                if node is not root.node or key.text in inner:
+                # The rotation of a base is that of a section through the building in its direction.
+                is_inner = node is not root.node or key.text in inner
+                if is_inner and key.text != "base":
                     nodes.append(value)
 
 
