@@ -274,6 +274,18 @@ def test_damaged_row_is_named(tmp_path, bad, index):
     assert "precede the samples" not in found
 
 
+@pytest.mark.parametrize("index", [0, 1, 59, 300, 599])
+def test_lost_number_beside_a_whole_time_is_named(tmp_path, index):
+    """Times in ms are whole numbers, so that a row with asterisks has no decimal point."""
+    rows = [
+        f"{1000.0 * t:.0f} {row.split()[1]}" for t, row in zip(T, TWO.splitlines(), strict=True)
+    ]
+    rows[index] = f"{1000.0 * T[index]:.0f} ***"
+    found = message(tmp_path, "\n".join(["Time (ms) Acc (g)", *rows]) + "\n", "g")
+    assert f"line {index + 2}" in found or "***" in found
+    assert "skip_lines" not in found and "precede the samples" not in found
+
+
 def test_repeated_time_is_named(tmp_path):
     rows = TWO.splitlines()
     found = message(tmp_path, "\n".join([*rows[:300], *rows[299:]]) + "\n", "g")

@@ -253,7 +253,8 @@ def _is_row(line: str) -> bool:
     if not _CHARACTERS.fullmatch(line):
         return False
     if "*" in line:
-        return "***" in line and bool(_DECIMAL.search(line))
+        # A title such as *** 12 *** is no row.
+        return "***" in line and bool(_DECIMAL.search(line) or line.lstrip()[0].isdecimal())
     return bool(_DIGIT.search(line))
 
 
