@@ -149,10 +149,10 @@ def test_columns(name, folder, monkeypatch):
     monkeypatch.chdir(readmes.ROOT)
     file, _, command = name.rpartition("tdint ")
     line = f"{command.partition(', ')[0]} {COMMANDS[name].format(folder=folder)}"
-    out = folder / f"out-{hash(line)}"
+    out = folder / f"out-{hash(line)}{'.csv' * name.startswith('FILE-bins')}"
     text = printed(line, *(["-o", str(out)] if file else []))
     if name.startswith("FILE-bins"):
-        text = out.with_name(f"{out.name}-bins.csv").read_text()
+        text = out.with_name(f"{out.stem}-bins.csv").read_text()
     elif file:
         text = (out / file.split()[0]).read_text()
     header = text.partition("\n")[0]

@@ -78,7 +78,7 @@ def test_tasks_are_listed_in_the_order_of_use(maker, pages):
     tasks += ["Which method and which step", "Choose and match motions", "Spectra", "Report"]
     tasks += ["Many runs", "Fragility", "Regions", "From Python", "Extend", "Validation"]
     assert [title for title in titles if title in tasks] == tasks
-    assert titles[-2:] == ["Benchmark", "Glossary"]
+    assert titles[-3:] == ["Benchmark", "Glossary", "Notions"]
 
 
 def test_pages_of_a_section_contain_its_subsections_with_changed_links(maker):

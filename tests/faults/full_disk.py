@@ -190,7 +190,11 @@ def check(name: str, call: str, number: int, lasts: bool, expected: dict[str, by
         raise Failure(f"{label}: exit code {code}: {messages[-500:]}")
     # A failed renaming is completed by the next command that reads or writes in the directory.
     journal = folder / _JOURNAL
-    final_names = _Journal(*json.loads(journal.read_bytes())).renamed if journal.exists() else {}
+    final_names = (
+        _Journal(*json.loads(journal.read_bytes().partition(b"\n")[2])).renamed
+        if journal.exists()
+        else {}
+    )
     for file, content in _contents(folder).items():
         final = final_names.get(file, file)
         if content not in (before.get(final), expected.get(final)):

@@ -63,7 +63,7 @@ COMMANDS = [
     ("run", CONFIGS / "ten-story.yaml"),
 ]
 SLOW = [
-    ("run", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "--scale", "1,2", "-o", "runs.csv"),
+    ("run", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "--scale", "1,2", "-o", "runs/"),
     ("ida", CONFIGS / "ten-story.yaml", *NEAR_FAULT, "-o", "ida/"),
 ]
 ALL_OF = """

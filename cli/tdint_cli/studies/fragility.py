@@ -216,12 +216,12 @@ def _fit(request: Request) -> None:
     tables = studies.fragility_tables
     states = tables.FRAGILITY_BUILDING if by == "building" else tables.FRAGILITY_STATES
     counts = tables.counts_table(functions, states)
-    write_files({file: counts.csv() for file in bins if counts.rows}, overwrite=outputs.overwrite)
     # The functions are already in the output units; without units, they are not converted again.
     replace(outputs, units=None).deliver(
         tables.fragility_table(functions, total=request.modeling_dispersion > 0.0, states=states),
         lambda: draw(functions),
         page=lambda: _page(request, result, functions, draw),
+        more={file: counts.csv() for file in bins if counts.rows},
     )
     # Report the number of functions of a campaign, but each function of a single table.
     if by:

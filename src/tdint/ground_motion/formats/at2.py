@@ -8,6 +8,7 @@ component, and the units g.
 
 from __future__ import annotations
 
+import io
 import re
 from datetime import UTC, datetime
 from typing import Any
@@ -17,6 +18,7 @@ from tdint.ground_motion.formats.lines import (
     NUMBER,
     Lines,
     is_row_of_numbers,
+    read_lines,
     recognizer,
 )
 from tdint.ground_motion.formats.series import Series, code, motion_units, reader, required_units
@@ -58,7 +60,7 @@ def is_at2(lines: list[str]) -> object:
 def has_columns(data: bytes) -> bool:
     """Return True if the rows of a file have several numbers and are as many as NPTS: the columns
     of a text table."""
-    lines = Lines(data)
+    lines = read_lines(io.BytesIO(data))
     _, count, _ = _header(lines)
     return len((lines.peek() or "").split()) > 1 and len(lines.remaining()) >= count
 
