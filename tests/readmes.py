@@ -319,7 +319,7 @@ def columns():
             *functions.RISK,
             *functions.RISK_TOTAL,
         ),
-        "FILE-bins.csv of tdint fragility": functions.COUNTED,
+        "FILE-bins.csv of tdint fragility": (functions.FRAGILITY[0], *functions.COUNTED),
         "tdint fragility --im sa,pga": functions.COMPARED,
         "tdint methods": methods.METHOD,
         "tdint stability": assessment.tables.STABILITY,
