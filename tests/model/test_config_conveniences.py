@@ -3,6 +3,7 @@ file."""
 
 import io
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +13,12 @@ import pytest
 from facts import each_states, states
 from json_schema import tree, valid
 from tdint.errors import ModelError
+from tdint.kernels.laws import OTHER_NAMES
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
 from tdint.model.definition import ModalDamping, Model
 from tdint.model.plausibility import plausibility_warnings, study_plausibility_warnings
+from tdint.model.story_laws import LAWS
 from tdint.units import STANDARD_GRAVITY
 
 THREE = "stories: [{repeat: 3, mass: 2, stiffness: 5}]\n"
@@ -317,3 +320,13 @@ def test_a_mapping_is_a_list_of_one_force() -> None:
 def test_other_names_of_laws_are_translated(name: str, law: str) -> None:
     (fault,) = faults(io.StringIO(f"stories: [{{mass: 2, stiffness: 5, law: {{type: {name}}}}}]"))
     assert f"unknown law '{name}'; write {law}" in fault
+
+
+def test_other_names_lead_to_laws_of_tdint() -> None:
+    """No law has one of the other names, and each answer begins with a law, or with a dashpot."""
+    laws = {name.replace("-", "") for name in LAWS}
+    assert not laws & OTHER_NAMES.keys()
+    for answer in OTHER_NAMES.values():
+        assert re.split(r"[ ,]", answer)[0] in {*LAWS, "a"}, answer
+        if rule := re.search(r"rule: ([a-z]+)", answer):
+            assert rule[1] in ("kinematic", "isotropic", "origin", "peak", "elastic", "flag")

@@ -13,7 +13,7 @@ from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.axes import PairRecord, along_axes
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.response.runs.outcome import Resultant
-from tdint.response.runs.two_directions import lines, peak_of_vector
+from tdint.response.runs.two_directions import combined, lines, peak_of_vector
 
 RNG = np.random.default_rng(20261129)
 TIME = 0.02 * np.arange(500)
@@ -369,3 +369,23 @@ def test_a_rotated_pair_exchanges_the_directions():
     assert one.energy.input == pytest.approx(other.energy.input, rel=1e-12)
     for part, mirrored in zip(one.directions, other.directions[::-1], strict=True):
         assert part.stories.peak_shear == pytest.approx(mirrored.stories.peak_shear, rel=1e-12)
+
+
+def test_devices_without_an_estimate_in_one_direction():
+    """The larger peaks and the sum of the energies remain; their errors are unknown."""
+    stories = [{"mass": 1e5, "height": 3.0, "x": {"stiffness": 4e7}, "y": {"stiffness": 2e7}}]
+    tmd = {"name": "tmd", "floor": 1, "mass": 3e3, "stiffness": 1e6, "dashpot": 2e4}
+    model = tdint.load_model({"stories": stories, "damping": "5%", "attachments": [tmd]})
+    motions = [np.sin(0.1 * factor * np.arange(200)) for factor in (1.0, 2.0)]
+    x, y = (
+        tdint.make_record(motion, dt=0.01, units="m/s^2", component=component)
+        for motion, component in zip(motions, "EN", strict=True)
+    )
+    run = tdint.run(model, tdint.Horizontals(x, y), history=True)
+    first, second = run.directions
+    unknown = replace(second.devices, errors=None, dissipated_energy_error=None)
+    found = combined([first, replace(second, devices=unknown)], None).devices
+    assert found.errors is None and found.dissipated_energy_error is None
+    assert found.dissipated_energy == run.devices.dissipated_energy
+    strokes = [part.devices.stories.peak_drift for part in run.directions]
+    assert found.stories.peak_drift == run.devices.stories.peak_drift == np.maximum(*strokes)

@@ -41,7 +41,6 @@ UNAVAILABLE = {
 """Reasons by the names of laws that other programs have and tdint lacks."""
 
 _PERFECTLY_PLASTIC = "bilinear with hardening 0"
-_STEEL = "steel"
 _BY_RULE = "multilinear with rule: "
 OTHER_NAMES = {
     **dict.fromkeys(
@@ -63,7 +62,7 @@ OTHER_NAMES = {
     "lignoskrawinkler": "imk",
     "elastic": "linear",
     "steel01": "bilinear",
-    **dict.fromkeys(("steel02", "menegottopinto", "steelmpf"), _STEEL),
+    **dict.fromkeys(("steel02", "menegottopinto", "steelmpf"), "steel"),
     **dict.fromkeys(("pinching4", "stewart"), "multilinear-pinching"),
     "davidenkov": "ramberg-osgood",
     "bwbn": "bouc-wen",

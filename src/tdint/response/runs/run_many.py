@@ -503,7 +503,7 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
         )
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
-        for i, number in enumerate(numbers):
+        for i, number in enumerate(numbers) if subject.model.devices else ():
             if i not in outcomes.failures and (peaks := outcomes.devices_of(i)):
                 store_values(result.devices, number, peaks.stories)
         result.energy_error[numbers] = outcomes.energy_error

@@ -496,6 +496,10 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
     )
 
 
+_ENERGIES = ("dissipated_energy", "dissipated_energy_error")
+"""Quantities of attachments and links that are sums over both directions."""
+
+
 def _larger_devices(
     x: outcome.DevicePeaks | None, y: outcome.DevicePeaks | None
 ) -> outcome.DevicePeaks | None:
@@ -503,13 +507,15 @@ def _larger_devices(
     and the sums of their energies; None unless both directions have the same ones."""
     if x is None or y is None or (x.attachments, x.links) != (y.attachments, y.links):
         return None
-    # A fracture is reported with its direction.
-    x, y = (replace(part, fracture_time=None, fracture_drift=None) for part in (x, y))
+    # A fracture is reported with its direction; errors can be unknown in one direction.
+    names = [field.name for field in fields(x)]
+    missing = ["fracture_time", "fracture_drift"]
+    missing += [name for name in names if getattr(x, name) is None or getattr(y, name) is None]
+    without: dict[str, Any] = dict.fromkeys(missing)
+    x, y = (replace(part, **without) for part in (x, y))
     larger: outcome.DevicePeaks = each_array(lambda *values: np.fmax(*np.abs(values)), x, y)
-    energy, error = x.dissipated_energy + y.dissipated_energy, None
-    if x.dissipated_energy_error is not None and y.dissipated_energy_error is not None:
-        error = x.dissipated_energy_error + y.dissipated_energy_error
-    return replace(larger, dissipated_energy=energy, dissipated_energy_error=error)
+    sums = {name: getattr(x, name) + getattr(y, name) for name in _ENERGIES if name not in missing}
+    return replace(larger, **sums)
 
 
 def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
