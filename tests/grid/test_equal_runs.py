@@ -1,6 +1,6 @@
 """Runs of a stored case that must be equal: to the bit, or to rounding for interpreted loops."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import count
 
 import numpy as np
@@ -47,8 +47,30 @@ def assert_equal(result, expected):
             assert np.array_equal(reported[name], value, equal_nan=True), (part, name)
 
 
-def assert_close(result, expected):
-    """Assert that peaks and energies are equal to rounding."""
+def changes_by_rounding(model, record, options):
+    """Return the largest change of each peak and energy, by name, if all masses change by 1e-16 to
+    1e-12 of their values.
+
+    A dashpot with a power of the velocity and elements that slide let rounding grow to 4e-9 m within
+    2 s (case 47): forces are found by iteration, and rounding can add an iteration at each step.
+    """
+    changes = {}
+    expected = tdint.run(model, record, **options)
+    for exponent in range(12, 17):
+        for change in (10.0**-exponent, -(10.0**-exponent)):
+            stories = [replace(story, mass=story.mass * (1 + change)) for story in model.stories]
+            other = tdint.run(replace(model, stories=tuple(stories)), record, **options)
+            for part in ("stories", "energy"):
+                wanted = values_of(getattr(expected, part))
+                for name, value in values_of(getattr(other, part)).items():
+                    difference = np.max(np.abs(np.nan_to_num(value - wanted[name])), initial=0.0)
+                    changes[name] = max(changes.get(name, 0.0), difference)
+    return changes
+
+
+def assert_close(result, expected, *scene):
+    """Assert that peaks and energies are equal to rounding; `scene` are the arguments of
+    `changes_by_rounding`."""
     peaks, energies = values_of(expected.stories), values_of(expected.energy)
     largest_energy = max(map(np.max, energies.values()))
     for part, wanted in (("stories", peaks), ("energy", energies)):
@@ -56,8 +78,10 @@ def assert_close(result, expected):
         for name, value in wanted.items():
             size = np.max(np.abs(np.nan_to_num(value)), initial=0.0)
             difference = np.max(np.abs(np.nan_to_num(reported[name] - value)), initial=0.0)
-            allowed = _TOLERANCE * (size if part == "stories" else largest_energy)
-            assert difference <= max(allowed, _NEGLIGIBLE), (part, name)
+            allowed = max(_TOLERANCE * (size if part == "stories" else largest_energy), _NEGLIGIBLE)
+            if difference > allowed and scene:
+                allowed = 100 * changes_by_rounding(*scene)[name]
+            assert difference <= allowed, (part, name)
 
 
 @pytest.mark.parametrize("number", every(16, range(len(CASES))))
@@ -68,11 +92,12 @@ def test_equal_bits(number):
     each step. Peaks of such buildings are therefore equal to rounding only.
     """
     has_elements = CASES[number][0]["elements"] != "one"
-    assert_same = assert_close if has_elements else assert_equal
     completed = completed_run(number, 7 * number)
     if completed is None:
         return
     model, record, options, expected = completed
+    scene = model, record, {**options}
+    assert_same = (lambda *both: assert_close(*both, *scene)) if has_elements else assert_equal
     method = options.pop("method")
     prepared = tdint.prepare(model, record, method=method)
     assert_equal(tdint.run_case(prepared, **options), expected)
@@ -110,4 +135,4 @@ def test_interpreted_loops(number, request):
         return
     model, record, options, expected = completed
     request.getfixturevalue("interpreted")
-    assert_close(tdint.run(model, record, **options), expected)
+    assert_close(tdint.run(model, record, **options), expected, model, record, options)

@@ -65,6 +65,9 @@ _EXCEPTION = re.compile(r"@\.const\.picklebuf\.\w+")
 _COMDAT = re.compile(r" comdat(\([^)]*\))?(?= )")
 """Mark of a function of which the linker keeps one definition, in the text of a module."""
 
+_BODY = re.compile(r'(?<=@)"?((?<=")[^"]+|[\w.$-]+)"?\(.*(?= #\d+ \{$| \{$)', re.MULTILINE)
+"""Definition of a function up to the place of its attributes, in the text of a module."""
+
 _DEFINED = re.compile(r'^(?:define [^@]*)?@"?((?<=")[^"]+|[\w.$-]+)"?(?= =|\()', re.MULTILINE)
 _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 """Names in the text of a module, with or without quotation marks: `_DEFINED` finds the definitions,
@@ -379,15 +382,19 @@ def _closed(text: str, entries: Iterable[str], inlined: Iterable[str] = ()) -> s
     step of `impulse4`. Copies of further functions would make steps 4 to 31 % slower. Equal names
     in two object files are not confused.
     """
+
+    def marked(definition: re.Match[str]) -> str:
+        """Return a definition with the attribute that states if the function is copied."""
+        name = definition[1]
+        attribute = " alwaysinline" if name in inlined else " noinline" if REDUCED else ""
+        return definition[0] + ("" if name in entries else attribute)
+
     with numba.core.compiler_lock.global_compiler_lock:
-        whole = llvm.parse_assembly(_COMDAT.sub("", text))
+        # `add_function_attribute` of llvmlite 0.43 changes the attributes of the returned value.
+        whole = llvm.parse_assembly(_BODY.sub(marked, _COMDAT.sub("", text)))
         for function in whole.functions:
             if not function.is_declaration and function.name not in entries:
                 function.linkage = llvm.Linkage.internal
-                if function.name in inlined:
-                    function.add_function_attribute("alwaysinline")
-                elif REDUCED:
-                    function.add_function_attribute("noinline")
         library = numba.core.registry.cpu_target.target_context.codegen().create_library("closed")
         library.add_llvm_module(whole)
         library.finalize()
