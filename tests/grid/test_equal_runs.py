@@ -51,8 +51,8 @@ def changes_by_rounding(model, record, options):
     """Return the largest change of each peak and energy, by name, if all masses change by 1e-16 to
     1e-12 of their values.
 
-    A dashpot with a power of the velocity and elements that slide let rounding grow to 4e-9 m within
-    2 s (case 47): forces are found by iteration, and rounding can add an iteration at each step.
+    A dashpot with a power of the velocity and elements that slide let rounding grow to 4e-9 m
+    within 2 s (case 47): rounding can add an iteration for the forces of a step.
     """
     changes = {}
     expected = tdint.run(model, record, **options)
