@@ -28,12 +28,13 @@ LAYERS = (
 )
 
 LONG_SIGNATURES = {
+    "ground_motion": 1,
     "response": 2,
     "assessment": 1,
     "studies": 3,
     "output": 2,
     "cli": 2,
-}  # output: `plot`, declared twice
+}  # ground_motion: `process`, the keys of model files; output: `plot`, declared twice
 
 
 @cache

@@ -356,6 +356,14 @@ def test_processing_texts_are_parsed(parse, text, value):
         assert parse(text) == value
 
 
+def test_a_record_is_processed_by_the_keys_and_texts_of_a_model_file():
+    keys = {"trim": "2:10", "pad": "1:2", "time_scale": 0.5}
+    found = process(noise(), **keys)
+    assert (found.dt, len(found.acceleration)) == (DT / 2, 801 + 300)
+    expected = process(noise(), trim=(2.0, 10.0), pad=(1.0, 2.0))
+    assert np.array_equal(found.acceleration, expected.acceleration)
+
+
 def test_quadratic_baseline_is_orthogonal_to_parabolas():
     """The residual of a least-squares fit is orthogonal to 1, t and t^2, and is zero for a
     parabola."""

@@ -232,6 +232,7 @@ def test_fill_in_has_columns_between_the_floors_of_long_links():
         ("contacts: []", "write the second building as `attachments` with `floor: ground`"),
         ("tmd: {}", "tmd: unknown key; did you mean `attachments`?"),
         ("braces: []", "braces: unknown key; did you mean `links`?"),
+        ("buildings: {}\nrecords: {}", "^[^;]*: a campaign file is no model: run it with `tdint"),
     ],
 )
 def test_invalid_devices_are_refused(text, message):

@@ -362,8 +362,12 @@ def by_period(found, name, model, record):
         ("check", checked["t1_s"]), ("tdint modes", first["period_s"]),
     ):  # fmt: skip
         found.put("period", "building", route, period)
-    found.put("damping ratio", "building", "check", checked["t1_damping"])
-    found.put("damping ratio", "building", "check in Python", overview.damping)
+    for route, value in (
+        ("modes", modes.damping[0]), ("check in Python", overview.damping),
+        ("check", checked["t1_damping"]), ("tdint modes", first["damping"]),
+    ):  # fmt: skip
+        # Digits beyond these are rounding of the products of large stiffnesses (isolators)
+        found.put("damping ratio", "building", route, round(float(value), 10))
     acceleration = float(tdint.spectrum(record, [modes.period[0]], 0.05).psa[0])
     found.put("spectral acceleration", "building", "spectrum", acceleration)
     found.put("peak ground acceleration", "building", "record", record.pga)

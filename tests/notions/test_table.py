@@ -3,8 +3,15 @@
 import re
 from collections import Counter
 
+import tdint
 from notions.test_routes import NOTIONS
 from readmes import ROOT
+from tdint.ground_motion import record
+from tdint.response.runs import damage, demands, elements, loop_results, outcome
+
+MODULES = tdint, damage, demands, elements, loop_results, outcome, record
+PARAMETERS = ("jobs", "scales", "pair")
+"""Parameters of several functions."""
 
 
 def rows():
@@ -31,3 +38,16 @@ def test_columns_of_the_table_are_columns_of_the_program():
         for column in re.findall(r"`(\w+_(?:m|N|J|s|m_s|m_s2))`", columns):
             if not column.startswith(("energy_", "roof_displacement", "base_shear", "total_base")):
                 assert f"`{column}`" in declared, column
+
+
+def test_python_names_of_the_table_are_public():
+    for _, _, names, *_ in rows():
+        for name in re.findall(r"`(\w+(?:\.\w+)?)[`(]", names):
+            owner, _, attribute = name.partition(".")
+            if not attribute and owner[0].islower():
+                assert hasattr(tdint, owner) or owner in PARAMETERS, name
+            elif attribute:
+                known = [getattr(module, owner) for module in MODULES if hasattr(module, owner)]
+                assert known, name
+                fields = {*dir(known[0]), *getattr(known[0], "__dataclass_fields__", ())}
+                assert attribute in fields, name

@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.choice import DEFAULT_FILTER_ORDER, Processing
+from tdint.ground_motion.choice import DEFAULT_FILTER_ORDER, Processing, parse_pad, parse_trim
 from tdint.ground_motion.record import Record
 
 # ---- Interpolation of a ground motion between its samples: linear or band-limited
@@ -206,13 +206,14 @@ _ROUNDING = 1e-6  # fraction of the sampling interval; times are written with at
 def process(
     record: Record,
     *,
-    trim: tuple[float | None, float | None] | None = None,
+    trim: str | tuple[float | None, float | None] | None = None,
     baseline: str | None = None,
-    pad: float | tuple[float, float] | None = None,
+    pad: str | float | tuple[float, float] | None = None,
     highpass: float | None = None,
     lowpass: float | None = None,
     filter_order: int | None = None,
     resample: float | None = None,
+    time_scale: float | None = None,
 ) -> Record:
     """Apply the requested processing steps to a record.
 
@@ -222,8 +223,9 @@ def process(
     ----------
     record : Record
         Record to process; it is not changed.
-    trim, baseline, pad, highpass, lowpass, filter_order, resample
-        Same as in `Processing`. A single number for `pad` applies to the start and the end.
+    trim, baseline, pad, highpass, lowpass, filter_order, resample, time_scale
+        Same as in `Processing`, or the texts of a model file, such as `trim="2:30"`. A single
+        number for `pad` applies to the start and the end.
 
     Returns
     -------
@@ -242,10 +244,17 @@ def process(
         raise UsageError(
             f"process requires a Record, as returned by read_record, got {record!r:.60}"
         )
-    durations = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
-    return processed(
-        record, Processing(trim, baseline, durations, highpass, lowpass, filter_order, resample)
+    steps = Processing(
+        parse_trim(trim) if isinstance(trim, str) else trim,
+        baseline,
+        parse_pad(str(pad)) if isinstance(pad, str | int | float) else pad,
+        highpass,
+        lowpass,
+        filter_order,
+        resample,
+        time_scale,
     )
+    return processed(record, steps)
 
 
 def processed(record: Record, steps: Processing) -> Record:

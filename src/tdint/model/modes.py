@@ -39,8 +39,8 @@ class Modes(Tabular):
     mass : ndarray, shape (n,)
         Masses of the floors, kg.
     damping : ndarray, shape (n,), or None
-        Damping ratios; None if they were not requested (`tdint.modes`) or the damping couples
-        modes.
+        Damping ratios without the coupling of modes (`own_damping`), as `tdint.modes` returns them;
+        None for the modes of a building.
     roof : int
         Index of the roof; attachments follow after it.
     load : ndarray, shape (n,), or None

@@ -207,7 +207,7 @@ def modes(model: AnyModel) -> Modes:
     result = building.modes()
     if building.system is not None and building.system.lag is not None:
         return result  # rows without mass couple the modes
-    return replace(result, damping=result.damping_ratios(building.damping_matrix()))
+    return replace(result, damping=result.own_damping(building.damping_matrix()))
 
 
 # Keys of a model file with the names of files of the ground motion.

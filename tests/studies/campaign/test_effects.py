@@ -144,13 +144,16 @@ def test_units_scatter_and_seed_of_an_inventory(tmp_path):
     plain = building()
     ratio = building(units="ft").stories[0].mass / plain.stories[0].mass
     assert ratio == pytest.approx(0.3048**2, rel=1e-9)
-    scattered = [building(stiffness=0.3, damping=0.4, seed=seed) for seed in (1, 1, 2)]
+    scattered = [
+        building(stiffness_scatter=0.3, damping_scatter=0.4, seed=seed) for seed in (1, 1, 2)
+    ]
     stiffness = [model.stories[0].stiffness for model in scattered]
     ratios = [model.damping for model in scattered]
     assert stiffness[0] == stiffness[1] != stiffness[2]
     assert ratios[0] == ratios[1] != ratios[2]
-    assert building(stiffness=0.3).damping == plain.damping != building(damping=0.3).damping
-    assert building(damping=0.3).stories[0].stiffness == plain.stories[0].stiffness
+    changed = building(damping_scatter=0.3)
+    assert building(stiffness_scatter=0.3).damping == plain.damping != changed.damping
+    assert changed.stories[0].stiffness == plain.stories[0].stiffness
 
 
 CLOUD = "im,edp,unit\n0.1,0.004,g\n0.2,0.007,g\n0.4,0.019,g\n0.6,0.021,g\n1,0.09,g\n"

@@ -318,6 +318,10 @@ _CONTACT = (
     "write the second building as `attachments` with `floor: ground`, and the contact as a link "
     "with the law gap"
 )
+_CAMPAIGN = (
+    "a campaign file is no model: run it with `tdint campaign`, and check it and its models with "
+    "`tdint check`"
+)
 _MODEL = Keys(
     directions.with_directions(
         keys(
@@ -395,6 +399,9 @@ def load_with_checks(
         with the line and column of the value.
     """
     origin, root = read_document(source)
+    if root.is_mapping and "buildings" in root.names and {"records", "forces"} & {*root.names}:
+        root.fault(_CAMPAIGN)
+        raise root.faults.error()
     model = model_from_mapping(root, origin)
     # This layer cannot check texts such as the name of a method; the caller provides the check.
     for full_key, check in checks.items():

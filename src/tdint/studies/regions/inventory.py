@@ -761,8 +761,8 @@ def inventory(
     *,
     units: str = "",
     rules: str = "mdof-lu",
-    stiffness: float = 0.0,
-    damping: float = 0.0,
+    stiffness_scatter: float = 0.0,
+    damping_scatter: float = 0.0,
     seed: int = 0,
     mapping: str | Path | None = None,
 ) -> ResultList[InventoryBuilding]:
@@ -777,8 +777,9 @@ def inventory(
         command line, because a file does not state it.
     rules : str
         Name of the rules, one of `RULES` that does not require classes.
-    stiffness, damping : float
-        Standard deviations of the random factors on stiffness and damping ratio (`derive_all`).
+    stiffness_scatter, damping_scatter : float
+        Standard deviations of the random factors on stiffness and damping ratio, as in campaign
+        files (`derive_all`).
     seed : int
         Seed of the random factors.
     mapping : str or Path, optional
@@ -808,7 +809,8 @@ def inventory(
     rows, faults = read_inventory(file, LENGTH[units], mapping=table)
     if faults:
         raise ModelError(faults)
-    return ResultList(derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=seed))
+    scatter = {"stiffness": stiffness_scatter, "damping": damping_scatter}
+    return ResultList(derive_all(rows, rules, **scatter, seed=seed))
 
 
 # ---- Questions about the rows: numbers of stories, heights, periods and drifts that are unusual
