@@ -3,8 +3,9 @@
     python tests/grid/run.py [--seed SEED] [--cases COUNT] [--processes COUNT] [--store]
 
 draws buildings of a covering array until the number of cases is reached; a case is a building with
-one method and one time step, so that all methods occur with each law and each load. Without a seed,
-a new one is drawn and printed. The exit code is 1 if more values than `ALLOWED` are beyond twice
+one method and one time step, so that all methods occur with each law and each load. Every second case
+has contacts or stops if its row allows them; their number is printed by method. Without a seed, one
+is drawn and printed. The exit code is 1 if more values than `ALLOWED` are beyond twice
 their estimates, a value is beyond ten times its estimate, or a force is above a strength. The rows
 of such buildings are printed as in cases.csv; `--store` adds the buildings to the stored ones.
 """
@@ -24,7 +25,7 @@ if "tdint" not in sys.modules:  # the program, not a test
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("TDINT_COMPILE", "wait")
 
-from grid.axes import build
+from grid.axes import build, is_allowed
 from grid.covering import covering_rows, read, reference, write
 from grid.judge import (
     DONE,
@@ -47,8 +48,30 @@ ALLOWED = {0.5: 5e-4, 1.0: 5e-4, 2.0: 5e-4, 5.0: 3e-3}
 MOST = 10.0
 """Largest allowed error divided by its estimate."""
 
+CONTACTS = (
+    ("devices", "adjacent building"),
+    ("devices", "contact of hertz"),
+    ("elements", "with stop"),
+    ("law", "stops"),
+)
+"""Axes and values of rows with contacts or stops."""
+
 _TOLERANCE = 1e-8  # of the first solution of a case
 _SEEDS = 8  # buildings that are tried for a row
+
+
+def has_contact(row):
+    """Return True if a row has contacts or stops."""
+    return any(row[axis] == name for axis, name in CONTACTS)
+
+
+def with_contact(row, number):
+    """Return a row with one of the contacts in turn; the same row if it allows none."""
+    for turn in range(len(CONTACTS)):
+        axis, name = CONTACTS[(number + turn) % len(CONTACTS)]
+        if is_allowed(changed := {**row, axis: name}):
+            return changed
+    return row
 
 
 def cases(seed, count):
@@ -60,6 +83,8 @@ def cases(seed, count):
         methods = generator.sample(labels, len(labels))
         for row in islice(rows, count - made):
             samples = STEPS[(made + made // len(labels)) % len(STEPS)]
+            if made % 2 and not has_contact(row):
+                row = with_contact(row, made // 2)
             yield row, 1_000_000 * (seed + 1) + 100 * made, methods[made % len(labels)], samples
             made += 1
 
@@ -114,11 +139,14 @@ def features(row, verdict):
 def report(results):
     """Print the shares, by step, method and feature, and all values beyond; return True if they are
     allowed, and the rows and seeds of the buildings with such values."""
-    outcomes, values, beyond, is_allowed, faulty = Counter(), Counter(), Counter(), True, []
+    outcomes, values, beyond, is_right, faulty = Counter(), Counter(), Counter(), True, []
+    done, contacts = Counter(), Counter()
     for row, seed, verdict in results:
         outcomes[verdict.outcome if verdict else "no reference"] += 1
         if verdict is None or verdict.outcome != DONE:
             continue
+        done[verdict.method] += 1
+        contacts[verdict.method] += has_contact(row)
         for group in (verdict.samples, *features(row, verdict)):
             values[group] += verdict.values
             beyond[group] += len(verdict.beyond)
@@ -130,21 +158,23 @@ def report(results):
                 f"{where}: {excess.quantity} of story {excess.story + 1}: error {excess.error:.2e},"
                 f" estimate {excess.estimate:.2e}, ratio {excess.ratio:.1f}: {row}"
             )
-            is_allowed &= excess.ratio <= MOST
+            is_right &= excess.ratio <= MOST
         for story, excess in verdict.above_strength:
             print(f"{where}: force of story {story + 1} {excess:.1e} above the strength: {row}")
-            is_allowed = False
+            is_right = False
     for group in values:
         if beyond[group]:
             print(f"{group}: {beyond[group]} of {values[group]} values beyond")
     print(", ".join(f"{count} {name}" for name, count in outcomes.items()))
+    by_method = ", ".join(f"{name} {contacts[name]} of {done[name]}" for name in sorted(done))
+    print(f"contacts or stops in {contacts.total()} of {done.total()} cases: {by_method}")
     for groups in (STEPS[:3], STEPS[3:]):
         total, excess = sum(values[s] for s in groups), sum(beyond[s] for s in groups)
         share = excess / max(total, 1)
-        is_allowed &= share <= ALLOWED[groups[0]]
+        is_right &= share <= ALLOWED[groups[0]]
         steps = "/".join(f"{samples:g}" for samples in groups)
         print(f"{steps} samples: {excess} of {total} values ({share:.3%}) beyond")
-    return is_allowed, faulty
+    return is_right, faulty
 
 
 def store(faulty, is_written):
