@@ -258,7 +258,7 @@ def columns():
             f"{kind}.csv of tdint run": (*shown, *errors)
             for kind, (shown, errors) in zip(("attachments", "links"), devices.TABLES, strict=True)
         },
-        "contacts.csv of tdint run": devices.CONTACT_COLUMNS,
+        "contacts.csv of tdint run": (*devices.CONTACT_COLUMNS, *devices.CONTACT_ERROR),
         "rows.csv of tdint run": (matrices.ROW_NAME, *matrices.ROW_COLUMNS, *matrices.ROW_ERROR),
         "stories.csv of tdint run, flexural": (
             *(*responses.STORY_COLUMNS, *responses.STORY_ERROR),

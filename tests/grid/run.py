@@ -3,9 +3,9 @@
     python tests/grid/run.py [--seed SEED] [--cases COUNT] [--processes COUNT] [--store]
 
 draws buildings of a covering array until the number of cases is reached; a case is a building with
-one method and one time step, so that all methods occur with each law and each load. Every second case
-has contacts or stops if its row allows them; their number is printed by method. Without a seed, one
-is drawn and printed. The exit code is 1 if more values than `ALLOWED` are beyond twice
+one method and one time step, so that all methods occur with each law and each load. Every second
+case has contacts or stops if its row allows them, and they are counted by method. Without a seed, a
+new one is drawn and printed. The exit code is 1 if more values than `ALLOWED` are beyond twice
 their estimates, a value is beyond ten times its estimate, or a force is above a strength. The rows
 of such buildings are printed as in cases.csv; `--store` adds the buildings to the stored ones.
 """

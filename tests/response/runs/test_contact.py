@@ -2,16 +2,18 @@
 against `scipy.integrate.solve_ivp` with the closings as events."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import simpson, solve_ivp
 
 import tdint
 from tdint.errors import ModelError
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
+from tdint.response.runs.contacts import LinkContact, with_errors
 
 STEP = 0.01
 TIME = STEP * np.arange(251)
@@ -84,12 +86,12 @@ def reference(stop, damping_of):
             method="DOP853", args=(approach,), events=closing, dense_output=True,
             rtol=1e-9, atol=1e-12, max_step=STEP,
         )  # fmt: skip
-        motion = part.sol(np.linspace(t, part.t[-1], 2000))
+        motion = part.sol(np.linspace(t, part.t[-1], 2001))
         spring, damper = contact(motion, approach or 1.0)
         peaks = np.maximum(peaks, np.abs([*motion[:4], spring]).max(axis=1))
         if approach:
             duration, power = part.t[-1] - t, damper * (motion[5] - motion[7])
-            energy = duration * np.mean(0.5 * (power[1:] + power[:-1]))
+            energy = simpson(power, dx=duration / 2000)
             contacts.append((t, duration, np.abs(spring + damper).max(), energy))
         t, y = part.t[-1], part.y[:, -1]
         approach = 0.0 if approach else y[5] - y[7]
@@ -138,6 +140,37 @@ def test_contact_of_adjacent_buildings(law, contact):
         assert item.dissipated_energy == pytest.approx(energy, rel=1e-2)
     lost = sum(energy for *_, energy in contacts)
     assert response.devices.dissipated_energy[-1] == pytest.approx(lost, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("step", [STEP / 4, STEP])
+def test_errors_of_contacts_cover_the_true_errors(step):
+    """The numbers of all contacts are compared with the separate solution."""
+    text, *forces = kelvin(5e5)
+    model = load_model(io.StringIO(text.format(law=", dashpot: 500")))
+    found = tdint.run(model, MOTION, dt=step, duration=TIME[-1]).contacts
+    _, contacts = reference(*forces)
+    assert len(found) == len(contacts) == 3
+    for item, (time, duration, force, energy) in zip(found, contacts, strict=True):
+        errors = item.errors
+        assert (errors.link, errors.closing) == (item.link, item.closing)
+        for name, right in (
+            ("time", time), ("duration", duration), ("peak_force", force),
+            ("dissipated_energy", energy),
+        ):  # fmt: skip
+            error, estimate = abs(getattr(item, name) - right), getattr(errors, name)
+            assert error <= 2.0 * estimate + 1e-6 * right, (item.closing, name)
+            assert estimate <= 0.2 * right, name
+
+
+def test_contacts_that_the_additional_run_does_not_have_are_without_error():
+    one = LinkContact("joint", 1, 1.0, 0.01, 0.3, 5.0, 0.0)
+    other = replace(one, time=1.002, peak_force=5.5)
+    grazing, of_another = replace(one, closing=2, time=1.3), replace(one, link="b")
+    first, second, third = with_errors(
+        (one, grazing, of_another), (other,), lambda own, finer, size: abs(own - finer) + 0 * size
+    )
+    assert first.errors.numbers == pytest.approx((0.002, 0.0, 0.0, 0.5, 0.0))
+    assert np.isnan([*second.errors.numbers, *third.errors.numbers]).all()
 
 
 @pytest.mark.parametrize(("text", "method"), [

@@ -70,6 +70,7 @@ CONTACT_COLUMNS = (
     Column.named("closing", "number of the closing of this link, from 1"),
     *map(Column.of_quantity, quantities(LinkContact)),
 )
+CONTACT_ERROR = error_columns(CONTACT_COLUMNS[2:])
 
 TABLES = (
     ((*ATTACHMENT_NAMES, *ATTACHMENT_COLUMNS, *ENERGY), (*ATTACHMENT_ERROR, *ENERGY_ERROR)),
@@ -77,7 +78,10 @@ TABLES = (
 )
 """Columns of the tables of attachments and of links, and their additional columns with error
 estimates."""
-COLUMNS = (*chain.from_iterable(chain(*TABLES)), *INERTER, *INERTER_ERROR, *CONTACT_COLUMNS)
+COLUMNS = (
+    *chain.from_iterable(chain(*TABLES)),
+    *(*INERTER, *INERTER_ERROR, *CONTACT_COLUMNS, *CONTACT_ERROR),
+)
 """All columns of the tables of attachments, links and contacts."""
 
 _HISTORY = {quantity.name: quantity for quantity in quantities(History)}
@@ -190,8 +194,12 @@ def _fracture_cells(devices: DevicePeaks) -> list[tuple[Cell, ...]]:
 
 def contact_table(response: Response) -> Table | None:
     """Return the table of the contacts of links with stops; None without a contact."""
-    rows = [tuple(vars(contact).values()) for contact in response.contacts]
-    return Table.of(CONTACT_COLUMNS, rows) if rows else None
+    rows = [
+        (item.link, item.closing, *item.numbers, *(item.errors.numbers if item.errors else ()))
+        for item in response.contacts
+    ]
+    columns = (*CONTACT_COLUMNS, *CONTACT_ERROR)
+    return Table.of(columns[: len(rows[0])], rows) if rows else None
 
 
 def device_rows(

@@ -8,9 +8,10 @@ is linear in the step, and determines the motion on the open side of the instant
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,9 @@ class LinkContact:
         Name of the link.
     closing : int
         Number of the closing of the link, from 1.
+    errors : LinkContact or None
+        Estimated errors of the numbers, if those of the run were estimated; nan for a contact that
+        the additional run does not have.
     """
 
     link: str
@@ -54,6 +58,18 @@ class LinkContact:
     dissipated_energy: Annotated[
         float, Quantity("J", "energy dissipated by the dashpot of the contact")
     ]
+    errors: LinkContact | None = None
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Time, duration, approach velocity, peak force and dissipated energy, SI units."""
+        return (
+            self.time,
+            self.duration,
+            self.approach_velocity,
+            self.peak_force,
+            self.dissipated_energy,
+        )
 
 
 def has_stops(model: Model) -> bool:
@@ -92,6 +108,36 @@ def contacts_of(model: Model, history: History) -> tuple[LinkContact, ...]:
             LinkContact(link.name, i, *values) for i, values in enumerate(sorted(numbers), start=1)
         ]
     return tuple(found)
+
+
+def with_errors(
+    contacts: Sequence[LinkContact],
+    others: Sequence[LinkContact],
+    error: Callable[[Array, Array, Array], Array],
+) -> tuple[LinkContact, ...]:
+    """Return contacts with estimated errors from those of an additional run.
+
+    Two contacts of a link are compared if the closing of each is the nearest to that of the other.
+    `error` receives the numbers of both runs and their sizes; the size of a time is the duration.
+    """
+
+    def nearest(contact: LinkContact, found: Sequence[LinkContact]) -> LinkContact | None:
+        of_link = [other for other in found if other.link == contact.link]
+        return min(of_link, key=lambda other: abs(other.time - contact.time), default=None)
+
+    pairs = [(contact, nearest(contact, others)) for contact in contacts]
+    same = [i for i, (one, other) in enumerate(pairs) if other and nearest(other, contacts) is one]
+    errors = np.full((len(contacts), 5), math.nan)
+    if same:
+        own = np.array([contacts[i].numbers for i in same])
+        finer = np.array([other.numbers for i in same if (other := pairs[i][1])])
+        size = own[:, [1, 1, 2, 3, 4]]
+        errors[same] = np.column_stack([*map(error, own.T, finer.T, size.T)])
+    rows: list[Any] = errors.tolist()
+    return tuple(
+        replace(contact, errors=LinkContact(contact.link, contact.closing, *numbers))
+        for contact, numbers in zip(contacts, rows, strict=True)
+    )
 
 
 def _inverse_mass(building: Building, ends: tuple[int, int]) -> float:
@@ -154,12 +200,16 @@ class Stop(NamedTuple):
         return force, self.damper * force / (approach or math.inf)
 
 
-def _passages(time: Array, motion: Array, stop: Stop) -> list[tuple[float, ...]]:
+def _passages(
+    time: Array, motion: Array, stop: Stop
+) -> list[tuple[float, float, float, float, float]]:
     """Return the times, durations, rates, peak forces and energies of the contacts with a stop.
 
     `motion` has the overlap, its rate and its acceleration in columns.
     """
-    from scipy.interpolate import CubicHermiteSpline  # few models have contacts
+    # Imported here, because few models have contacts.
+    from scipy.integrate import simpson
+    from scipy.interpolate import CubicHermiteSpline
 
     overlap = CubicHermiteSpline(time, motion[:, 0], motion[:, 1])
     crossings = overlap.roots(extrapolate=False)
@@ -186,10 +236,9 @@ def _passages(time: Array, motion: Array, stop: Stop) -> list[tuple[float, ...]]
             approach = abs(rates[0])
             force, dashpot = stop.forces(overlap(points), approach)
             force = force + dashpot * rates
-            power = dashpot * rates**2
-            energy = (points[1] - points[0]) * (power.sum() - 0.5 * (power[0] + power[-1]))
-            numbers = start, end - start, approach, np.abs(force).max(), energy
-            found.append(tuple(map(float, numbers)))
+            energy = simpson(dashpot * rates**2, x=points)
+            peak = float(np.abs(force).max())
+            found.append((float(start), float(end - start), float(approach), peak, float(energy)))
     return found
 
 

@@ -48,6 +48,7 @@ from tdint.response.runs.outcome import (
 from tdint.response.time_steps import Steps, finer
 
 if TYPE_CHECKING:
+    from tdint.response.runs.contacts import LinkContact
     from tdint.response.runs.elements import ElementValues
     from tdint.response.runs.flexure import FlexureValues
 
@@ -395,6 +396,7 @@ def with_error_estimate(
         time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,
+        of_contacts=partial(contact_errors, other, factors(case.method)),
     )
     # At a collapse the peaks grow rapidly within one step, so that the peaks of the additional run
     # are not more accurate values of the same peaks.
@@ -628,6 +630,16 @@ def flexure_errors(peaks: FlexureValues, others: FlexureValues, growth: float) -
         is_scalar = isinstance(getattr(peaks, quantity.name), float)
         values[quantity.name] = float(error[0]) if is_scalar else error
     return FlexureValues(**values)
+
+
+def contact_errors(
+    other: Response, by: EstimateFactors, contacts: tuple[LinkContact, ...]
+) -> tuple[LinkContact, ...]:
+    """Return the contacts of a run with estimated errors, from those of the additional run."""
+    # Imported here, because few models have stops.
+    from tdint.response.runs.contacts import with_errors
+
+    return with_errors(contacts, other.contacts, partial(extrapolated, by=by))
 
 
 def extrapolated(

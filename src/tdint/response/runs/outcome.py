@@ -327,6 +327,9 @@ class ErrorEstimate(Described):
         Estimated errors of `Response.hysteretic_energy`, J.
     history : History | None
         History of the additional run, if the errors of a history in memory were estimated.
+    of_contacts : callable | None
+        Function that returns contacts with their estimated errors, for which it repeats the
+        additional run.
     """
 
     errors: StoryErrors
@@ -339,6 +342,9 @@ class ErrorEstimate(Described):
     elements: "ElementValues | None" = None
     hysteretic_energy: Array | None = field(default=None, compare=False)
     history: "History | None" = field(default=None, compare=False)
+    of_contacts: "Callable[[tuple[LinkContact, ...]], tuple[LinkContact, ...]] | None" = field(
+        default=None, compare=False
+    )
 
     def _headline(self) -> str:
         if self.drift_error is None:
@@ -641,8 +647,8 @@ class Response(Tabular):
 
     @property
     def contacts(self) -> "tuple[LinkContact, ...]":
-        """Closings of links with stops, with their times, forces and energies. Without a kept
-        history, the time integration is repeated."""
+        """Closings of links with stops, with their times, forces, energies and estimated errors.
+        Without a kept history, the time integration is repeated."""
         # Imported here, because few models have stops.
         from tdint.response.runs.contacts import contacts_of, has_stops
 
@@ -656,7 +662,9 @@ class Response(Tabular):
         if history is None and repeat is not None:
             history = History.joined(repeat(1))
         assert history is not None
-        return contacts_of(self.model, history)
+        contacts = contacts_of(self.model, history)
+        estimate = self.check.of_contacts if self.check else None
+        return estimate(contacts) if estimate else contacts
 
     @property
     def hysteretic_energy(self) -> Array:
