@@ -9,6 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import tdint
+from tdint.kernels import layout as rows
+from tdint.kernels.equations.corners import _raise_velocity
+from tdint.kernels.equations.moment4 import ROW
 
 OFF = {"damping": "none", "plausibility": "off, test"}
 MASS, STIFFNESS, DASHPOT, FORCE, GAP = 1e5, 4e6, 3e4, 4e5, 0.05
@@ -167,3 +170,21 @@ def test_closed_stop_has_tangent_damping(method):
     response = tangent_damped(method, 0.002, 0.012, {"gap": gap, "stop_stiffness": stop})
     missing = response.history.displacement[:, 0] - true(response.history.time)[0]
     assert np.abs(missing).max() < 1e-3 * 0.012
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e-18])
+def test_extremum_of_a_velocity_between_corners(size):
+    """Against the roots of random parabolas of acceleration, which can begin near zero."""
+    rng, row, at_rest = np.random.default_rng(5), ROW.PEAKS + rows.PEAK_VELOCITY, (0.0,) * 5
+    for _ in range(200):
+        a_0, a_1, velocity = rng.normal(size=3)
+        a_0, a_2 = size * a_0, -math.copysign(rng.uniform(), a_0)
+        parabola = [0.5 * (a_0 + a_2) - a_1, 0.5 * (4.0 * a_1 - 3.0 * a_0 - a_2), a_0]
+        change = 0.3 * np.polyint(parabola)
+        (turn,) = (x.real for x in np.roots(parabola) if abs(x.imag) < 1e-12 and 0 <= x.real <= 2)
+        end = velocity + np.polyval(change, 2.0)
+        table = np.zeros((row + 1, 1))
+        motion = velocity, end, a_0, a_1, a_2
+        _raise_velocity(table, rows.PEAK_VELOCITY, 0, 1.0, 0.3, motion, 0.0, at_rest)
+        largest = max(abs(end), abs(velocity + np.polyval(change, turn)))
+        assert table[row, 0] == pytest.approx(largest, rel=1e-9)

@@ -757,10 +757,11 @@ def _raise_velocity(scratch, row, i, h, half, motion, link, lower):
     )
     raise_peak(scratch, ROW.PEAKS + row, i, v_2 / h)
     if a_0 * a_2 < 0.0:
-        # a_0 + b x + c x^2, with x from 0 to 2; the stable form of the root between both corners
+        # a_0 + b x + c x^2, with x from 0 to 2. At the root between both corners, the slope has the
+        # sign of -a_0. Of the two forms of this root, one has no difference of similar numbers.
         b, c = 0.5 * (4.0 * a_1 - 3.0 * a_0 - a_2), 0.5 * (a_0 - 2.0 * a_1 + a_2)
-        root = math.sqrt(max(b * b - 4.0 * a_0 * c, 0.0))
-        x = -2.0 * a_0 / (b + math.copysign(root, -a_0))
+        root = math.copysign(math.sqrt(max(b * b - 4.0 * a_0 * c, 0.0)), a_0)
+        x = -0.5 * (b + root) / c if b * a_0 > 0.0 else 2.0 * a_0 / (root - b)
         extremum = v_0 + half * x * (a_0 + x * (0.5 * b + x * c / 3.0))
         raise_peak(scratch, ROW.PEAKS + row, i, extremum / h)
 
