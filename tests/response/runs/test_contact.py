@@ -162,6 +162,29 @@ def test_errors_of_contacts_cover_the_true_errors(step):
             assert estimate <= 0.2 * right, name
 
 
+def test_accelerations_just_after_a_damped_closing():
+    """Those of `impulse4` converge with order 4; estimates of `moment4` cover its errors."""
+    model = load_model(io.StringIO(BUILDINGS.format(law=", dashpot: 3000")))
+
+    def peaks(step, method="impulse4", **options):
+        return tdint.run(model, MOTION, dt=step, method=method, duration=TIME[-1], **options)
+
+    right, long, short = (
+        peaks(STEP / parts, check=False).stories.peak_absolute_acceleration[0]
+        for parts in (32, 1, 2)
+    )
+    assert abs(long - right) > 12.0 * abs(short - right) > 0.0
+    found = peaks(STEP / 4, "moment4")
+    error = (
+        1.0
+        - found.stories.peak_absolute_acceleration[1]
+        / (peaks(STEP / 4, check=False).stories.peak_absolute_acceleration[1])
+    )
+    estimate = found.check.errors.peak_absolute_acceleration[1]
+    assert 0.01 < error < 0.04
+    assert error <= estimate / found.stories.peak_absolute_acceleration[1] < 0.1
+
+
 def test_contacts_that_the_additional_run_does_not_have_are_without_error():
     one = LinkContact("joint", 1, 1.0, 0.01, 0.3, 5.0, 0.0)
     other = replace(one, time=1.002, peak_force=5.5)
