@@ -434,7 +434,7 @@ def find_sign_change(r0, r1, r2):
     if r0 <= 0.0:
         # For r1 > 0, the larger root of r(s) is a second reversal. Locating this reversal was
         # tested: for steps of up to five sampling intervals of the record, no error decreases by
-        # more than 0.4 % (tests/MEASUREMENTS.md, "Location of branch changes").
+        # more than 0.4 % (60 buildings of one to three Bouc-Wen stories).
         return 0.0 if r1 <= 0.0 else NONE
     a = r0 - 2.0 * r1 + r2
     b = r1 - r0
