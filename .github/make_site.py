@@ -179,6 +179,12 @@ def home(text: str) -> str:
     assert picture is not None
     text = _CHECKOUT.sub(lambda _: lines, _PICTURE.sub("", text, count=1))
     text = text.replace("## Quick start", f"{_CAPTION}{picture[0]}## Quick start", 1)
+    # Pages of this directory are no pages of the site.
+    text = re.sub(
+        r"\[(\w+)\]\((\.github/\S+)\)",
+        rf"[\1]({repository}/blob/main/\2)" if repository else r"\1 (`\2`)",
+        text,
+    )
     return text.replace(
         "In an empty directory, with `.venv/bin` on your `PATH`:", "In an empty directory:"
     )

@@ -22,7 +22,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tdint import assessment, plugin, studies
+from tdint import assessment, make_record, plugin, prepare, studies
 from tdint.assessment import tables as examples
 from tdint.assessment.failures.failures import HardProblem, problems
 from tdint.kernels.laws.law import DriftLaw, LawParameter
@@ -45,9 +45,12 @@ from tdint.output.tables import (
 from tdint.output.tables import table as shared
 from tdint.output.tables.runs import BUILDING_COLUMNS
 from tdint.output.tables.table import columns_of
+from tdint.response.runs.compiled_steps import unsupported_reason
+from tdint.response.runs.error_estimate import reference_method, reference_steps
 from tdint.response.spectra.drift import DriftSpectrum
 from tdint.response.spectra.elastic import Spectrum
 from tdint.response.spectra.inelastic import InelasticSpectrum
+from tdint.response.time_steps import Steps
 from tdint.studies.campaign import campaign_tables as campaign
 from tdint.studies.fragility import damage_tables as damage_states
 from tdint.studies.fragility import fragility_tables as functions
@@ -357,6 +360,57 @@ def column_tables():
     return "\n".join(sections)
 
 
+_YIELDING = {"type": "bilinear", "yield_force": 1e4, "hardening": 0.05}
+_KINDS = {
+    "linear": {"stiffness": 1e6},
+    "branches (`bilinear`, `multilinear`, ...)": {"stiffness": 1e6, "law": _YIELDING},
+    "curved (`tanh`, `polynomial`)": {"stiffness": 1e6, "law": {"type": "tanh", "strength": 1e4}},
+    "stops (`gap`, `hertz`)": {
+        "elements": [
+            {"type": "linear", "stiffness": 1e6},
+            {"type": "gap", "gap": 0.01, "stop_stiffness": 1e7},
+        ]
+    },
+    "power-law dashpots": {
+        "stiffness": 1e6, "law": _YIELDING,
+        "dashpot": {"coefficient": 1e3, "exponent": 0.5, "linear_below": 1e-3},
+    },
+    "dashpots with braces": {
+        "stiffness": 1e6, "law": _YIELDING, "dashpot": {"coefficient": 1e3, "brace": 1e6}
+    },
+}  # fmt: skip
+"""A story of each kind of building whose errors are estimated in another way."""
+
+
+def estimate_table():
+    """Return the table of additional runs by kind of building and method, with the number of their
+    steps in a step of one, two and five sampling intervals."""
+    methods = ("newmark-average", "impulse4", "moment4", "gauss4", "exact")
+    record = make_record([0.0] * 101, dt=0.01, units="m/s^2")
+    lines = [f"| building | {' | '.join(f'`{name}`' for name in methods)} |", "|---" * 6 + "|"]
+    for kind, story in _KINDS.items():
+        model = {"stories": [{"mass": 1e3, "height": 3.0, **story}], "damping": "5%"}
+        cells = [_additional_run(model, record, name) for name in methods]
+        lines.append(f"| {kind} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _additional_run(model, record, name):
+    """Return the cell of a method: the method of the additional run and its steps in a step; empty
+    if the method does not support the building."""
+    case = prepare(model, record, method=name)
+    if unsupported_reason(case.method, case.building):
+        return ""
+    parts = [
+        reference_steps(case, Steps(stride * record.dt, 20, stride=stride)) for stride in (1, 2, 5)
+    ]
+    counts = ", ".join(
+        str(round(stride * record.dt / steps.h))
+        for stride, steps in zip((1, 2, 5), parts, strict=True)
+    )
+    return f"`{reference_method(case).label}`: {counts}"
+
+
 def plugin_names():
     """Return the names of `tdint.plugin` by module, with their first sentences."""
     groups = {}
@@ -393,7 +447,8 @@ def _line_of_name(name):
 
 
 PARTS = {
-    "columns": column_tables, "commands": command_list, "layers": layer_table, "laws": law_table,
+    "columns": column_tables, "commands": command_list, "estimates": estimate_table,
+    "layers": layer_table, "laws": law_table,
     "methods": method_table, "models": model_table, "plugin": plugin_names,
     "problems": problem_table,
 }  # fmt: skip

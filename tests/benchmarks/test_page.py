@@ -98,36 +98,6 @@ def test_the_page_is_written_from_the_stored_points(stored):
     assert run.page(entries, len(read_problems(STANDARD)), shown, conditions) == PAGE
 
 
-@pytest.mark.long
-def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points(stored):
-    """Each count of buildings on the first page is in the statements that the points give."""
-    _, _, chart = stored
-    first, second = (
-        " ".join(part.split())
-        for part in re.search(
-            r"Of the 12 buildings of the\sbenchmark, (.*?)\. With fluid dampers (.*?)\.\n",
-            (HERE.parents[1] / "README.md").read_text(encoding="utf-8"),
-            re.DOTALL,
-        ).groups()
-    )
-    statements = {
-        text.partition(":")[0]: dict(re.findall(r"`([\w-]+)` for (\d+)", text))
-        for text in run.page_tables.statements(chart)
-    }
-    assert len(run.page_tables.by_building(chart)) == 12
-    said = re.fullmatch(
-        r"`(.*)` is the cheapest for (\d+) at errors of 10 %, `(.*)` for (\d+); `(.*)` for (\d+) "
-        r"at 0\.1 % and for (\d+) at 0\.01 %",
-        first,
-    ).groups()
-    assert statements["10 %"][said[0]] == said[1] and statements["10 %"][said[2]] == said[3]
-    assert statements["0.1 %"][said[4]] == said[5] and statements["0.01 %"][said[4]] == said[6]
-    dampers = run.page_tables.by_building(chart)["fluid-dampers"]
-    named = re.findall(r"`([\w-]+)`", second)
-    leaders = [run.page_tables.cheapest(dampers, tolerance)[0] for tolerance in (0.1, 0.03, 0.01)]
-    assert set(leaders) == set(named)
-
-
 def test_ratios_of_errors_and_the_cheapest_method_of_made_up_points():
     """With errors of the step squared and equal times, both methods cost the same; a program whose
     errors are twice as large has the ratio 2."""

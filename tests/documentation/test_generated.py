@@ -82,7 +82,7 @@ def test_the_recommended_method_is_the_default():
     texts = [(readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text()]
     texts.append(CliRunner().invoke(cli, ["methods", "--help-all"]).output)
     first_page = " ".join(readmes.README.read_text().split())
-    assert re.findall(r"If in doubt, use the default, `(\w+)", first_page) == [DEFAULT_METHOD]
+    assert re.findall(r"The default `(\w+)", first_page) == [DEFAULT_METHOD]
     for text in texts:
         assert re.findall(r"If in doubt: `?(\w+)", " ".join(text.split())) == [DEFAULT_METHOD]
 

@@ -143,7 +143,7 @@ def run(
         energy that was produced by the method.
     check : bool or None, default None
         Estimate the errors of the peaks (`Response.check`) by an additional run, usually of
-        impulse4 with half the time step (`Response.check.method` and `time_steps`). If this run
+        impulse4 with a shorter time step (`Response.check.method` and `time_steps`). If this run
         fails, the errors are unknown. True estimates the errors of the history also. False omits
         the estimates; the run then needs about one third of the time.
     tolerance : float or str, optional

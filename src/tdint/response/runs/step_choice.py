@@ -4,7 +4,7 @@ Time steps are the requested time step or a few sampling intervals of the record
 several times. The search predicts how many halvings are needed from the ratio of the estimated
 error to the tolerance and from the order that previous runs show. With `impulse4`, each run is
 compared with the previous run, which has a longer time step, and the finer run is returned. With
-any other method, the error is estimated by one run of `impulse4` with half the time step (see
+any other method, the error is estimated by one run of `impulse4` with a shorter time step (see
 `tdint.response.runs.error_estimate`), and the run of the chosen method is returned.
 """
 
