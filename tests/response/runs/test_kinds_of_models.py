@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.errors import UsageError
+from tdint.errors import ModelError, UsageError
 
 DT, STEPS = 0.01, 60
 LAW = {"type": "bilinear", "yield_force": 3e5, "hardening": 0.05}
@@ -271,6 +271,53 @@ def test_wrong_arguments_of_a_step_are_one_line(arguments, message):
         stepper.step(*arguments)
     assert message in str(caught.value) and "\n" not in str(caught.value)
     stepper.step(np.array([0.1]), (1, 2, 3))  # accepted
+
+
+@pytest.mark.parametrize("kind", [name for name in MODELS if name not in WITHOUT_TABLES])
+@pytest.mark.parametrize("key", ["floor", "floors"])
+def test_tables_of_forces_on_attachments_equal_forces_of_steps(kind, key, tmp_path):
+    """A table of a model, and the same forces as arguments of steps, beside those of a floor."""
+    model, method = MODELS[kind]
+    if "matrices" in model:
+        pytest.skip("rows instead of attachments")
+    tmd = {"name": "tmd", "floor": 2, "mass": 6e3, "stiffness": 4e5, "dashpot": 6e3}
+    model = model | {"attachments": [tmd]}
+    rows = np.column_stack([DT * np.arange(STEPS + 1), np.append(0.0, FORCES[:, 0])])
+    if key == "floor":
+        table = {"floor": "tmd", "points": rows.tolist()}
+    else:
+        lines = "\n".join(f"{time:.17g},{value:.17g}" for time, value in rows)
+        (tmp_path / "f.csv").write_text(f"time (s),f (N)\n{lines}\n")
+        table = {"file": str(tmp_path / "f.csv"), "floors": {"tmd": "f (N)"}}
+    loaded = model | {"excitation": {"forces": [table, {"floor": 1, "points": rows.tolist()}]}}
+    response = tdint.run(loaded, RECORD, method=method, dt=DT, check=False, history=True)
+    stepper = tdint.Stepper(model, method, DT)
+    for number in range(STEPS):
+        force = FORCES[number, 0]
+        stepper.step(GROUND[number + 1], [force, 0.0, 0.0, force])
+    check_rows(stepper.state.history, response.history, STEPS, 1e-8)
+    found, expected = stepper.state.history.devices.drift[0, 0], response.history.devices.drift
+    np.testing.assert_allclose(found, expected[STEPS, 0], rtol=0, atol=1e-8 * np.max(expected))
+    still = tdint.run(model, RECORD, method=method, dt=DT, check=False, history=True).history
+    assert np.abs(still.devices.drift[STEPS] - expected[STEPS]).max() > 0.1 * np.max(expected)
+    loaded["excitation"]["forces"][0] = {"floor": "tdm", "points": rows.tolist()}
+    with pytest.raises(ModelError, match="unknown row or attachment 'tdm'; did you mean 'tmd'"):
+        tdint.load_model(loaded)
+
+
+def test_harmonic_force_on_an_attachment_alone():
+    """The steady amplitude of a mass on a fixed floor: F / |k - m omega^2 + i c omega|."""
+    tmd = {"name": "tmd", "floor": "ground", "mass": 6e3, "stiffness": 4e5, "dashpot": 3e4}
+    force = {"floor": "tmd", "amplitude": 2e3, "omega": 10.0}
+    model = {"stories": [STORY], "attachments": [tmd], "excitation": {"forces": [force]}}
+    history = tdint.run(model, dt=0.005, duration=10.0, check=False, history=True).history
+    amplitude = 2e3 / abs(4e5 - 6e3 * 100.0 + 1j * 3e4 * 10.0)
+    found = np.max(np.abs(history.devices.drift[-200:, 0]))
+    assert found == pytest.approx(amplitude, rel=1e-4)
+    assert not np.any(history.displacement)
+    points = {"floor": "tmd", "points": [[0.0, 1.0], [1.0, 2e3]]}
+    notes = tdint.run(model | {"excitation": {"forces": [points]}}, duration=2.0).notes
+    assert any("points on floor tmd: the last force on floor tmd, at 1 s" in note for note in notes)
 
 
 def test_forces_on_attachments():
