@@ -306,8 +306,9 @@ def test_reset_copy_and_state_are_independent(forces):
     np.testing.assert_array_equal(state.displacement, expected[20])
 
 
-def test_run_continues_from_a_stepper():
-    model = building(("brace",))
+@pytest.mark.parametrize("feature", FEATURES)
+def test_run_continues_from_a_stepper(feature):
+    model = building((feature,))
     whole = tdint.run(model, MOTION, duration=STEPS * INTERVAL, history=True, check=False)
     stepper = tdint.Stepper(model, dt=INTERVAL)
     for cut in (0, 20):
