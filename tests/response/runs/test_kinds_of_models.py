@@ -222,7 +222,9 @@ def test_a_run_continues_from_the_end_of_a_run(kind):
 def test_histories_of_many_runs_are_those_of_single_runs(kind):
     model, method = MODELS[kind]
     if "matrices" in model:
-        with pytest.raises(UsageError, match="a set of runs is for floors, not for rows of `matrices`"):
+        with pytest.raises(UsageError, match="runs is for floors, not for rows of `matrices`"):
+            UsageError, match="a set of runs is for floors, not for rows of `matrices`"
+        ):
             tdint.run_many(model, RECORD, method=method, history=True)
         return
     runs = tdint.run_many(model, RECORD, method=method, dt=DT, history=True, every=3)
