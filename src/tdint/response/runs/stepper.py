@@ -156,7 +156,9 @@ class Stepper(Described):
             self._extend_table(0)
         self._bind()
 
-    def step(self, ground_acceleration: float, floor_forces: Numbers | None = None) -> None:
+    def step(
+        self, ground_acceleration: float | Numbers, floor_forces: Numbers | None = None
+    ) -> None:
         """Integrate one time step.
 
         Ground acceleration and forces are linear within the step, from the values of the previous
