@@ -223,8 +223,6 @@ def test_histories_of_many_runs_are_those_of_single_runs(kind):
     model, method = MODELS[kind]
     if "matrices" in model:
         with pytest.raises(UsageError, match="runs is for floors, not for rows of `matrices`"):
-            UsageError, match="a set of runs is for floors, not for rows of `matrices`"
-        ):
             tdint.run_many(model, RECORD, method=method, history=True)
         return
     runs = tdint.run_many(model, RECORD, method=method, dt=DT, history=True, every=3)
@@ -506,10 +504,11 @@ def test_internal_variable_of_a_bilinear_law():
     state = moved("chain").state
     drift = np.array([1e-3, -2e-3, 1e-3])
     laws = state.laws.copy()
-    laws[0], laws[2] = drift, [1e5, -2e5, 2.8e5]
+    laws[0, :3], laws[2, :3] = drift, [1e5, -2e5, 2.8e5]
     particle = state.replace(np.cumsum(drift), laws=laws)
-    np.testing.assert_allclose(particle.history.shear[0], 0.05 * 8e7 * drift + laws[2], rtol=1e-12)
-    np.testing.assert_allclose(particle.laws[1], particle.history.shear[0], rtol=1e-15)
+    expected = 0.05 * 8e7 * drift + laws[2, :3]
+    np.testing.assert_allclose(particle.history.shear[0], expected, rtol=1e-12)
+    np.testing.assert_allclose(particle.laws[1, :3], particle.history.shear[0], rtol=1e-15)
     with pytest.raises(ValueError, match="read-only"):
         state.laws[2] = 0.0
     laws[2, 1] = -3e5
@@ -524,9 +523,9 @@ def test_internal_variable_of_a_bilinear_law():
         ("tree", {"velocity": [1.0]}, "for each floor, or 4, also for each attachment"),
         ("chain", {"velocity": [1.0, np.nan, 2.0]}, "velocity must contain 3 finite numbers"),
         ("chain", {"displacement": [1j, 0, 0]}, "displacement must contain 3 finite numbers"),
-        ("chain", {"laws": [1.0]}, r"laws must contain numbers in the shape \(14, 3\)"),
-        ("chain", {"laws": np.full((14, 3), np.nan)}, "laws must contain numbers"),
-        ("matrices", {"laws": [1.0]}, "laws cannot be replaced, because matrices have no laws"),
+        ("chain", {"laws": [1.0]}, r"laws must contain numbers in the shape \(76, 4\)"),
+        ("chain", {"laws": np.full((76, 4), np.nan)}, "column 1 contradict its law"),
+        ("matrices", {"laws": [1.0]}, "laws must contain numbers .* model without matrices"),
     ],
 )
 def test_values_that_a_state_cannot_have_are_refused(kind, arguments, message):
@@ -547,7 +546,7 @@ def test_two_directions_are_refused():
 
 def test_states_of_other_steppers_are_refused():
     stepper = stepper_of("chain")
-    with pytest.raises(UsageError, match="no time step has been completed; omit laws"):
+    with pytest.raises(UsageError, match="after the first step of a model"):
         stepper.state.replace(laws=stepper.state.laws)
     other = tdint.Stepper(MODELS["chain"][0], "impulse4", DT / 2)
     other.step(1.0)

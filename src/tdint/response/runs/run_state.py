@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import UsageError
@@ -127,21 +126,13 @@ class RunState(Described):
     @property
     def laws(self) -> Array:
         """Variables of the hysteresis models, read-only: a column for each story, attachment and
-        link, and then for each element.
+        link, a column of zeros, and columns of elements.
 
         The first rows are drift (m), force (N), the internal variable (the force z of `bilinear`
         and `bouc-wen`, N) and dissipated energy (J). `tdint.kernels.layout` describes the others,
         which belong to laws with branches.
         """
-        return _read_only(self.space.law_state[self._law_part])
-
-    @property
-    def _law_part(self) -> tuple[NDArray[np.intp], ...]:
-        """Rows and columns of the variables of the laws in the table of their states."""
-        count, width = self.space.law_state.shape
-        extra = (count - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
-        numbers = [*range(rows.LAW_STATE_ROWS), *range(rows.EXTRA_ROWS, rows.EXTRA_ROWS + extra)]
-        return np.ix_(numbers, np.delete(np.arange(width), self.building.stories))
+        return _read_only(self.space.law_state[:])
 
     def replace(
         self,
@@ -171,18 +162,13 @@ class RunState(Described):
             A value is not a finite number, a shape differs, or the variables contradict a law.
         """
         building, space = self.building, copy_of(self.space)
-        for row, name, replaced in (
-            (rows.DISPLACEMENT, "displacement", displacement),
-            (rows.VELOCITY, "velocity", velocity),
-        ):
+        motions = {"displacement": displacement, "velocity": velocity}
+        for row, (name, replaced) in enumerate(motions.items()):  # DISPLACEMENT, VELOCITY
             if replaced is not None:
-                given = values_of_floors(name, replaced, building)
-                floors = building.floors
-                values = space.state[row, : floors + len(building.attachments)].copy()
-                values[: given.size] = given
-                space.state[row, :-1] = building.initial_values(
-                    values[:floors].tolist(), values[floors:].tolist()
-                )
+                given, floors = values_of_floors(name, replaced, building), building.floors
+                loaded = floors + len(building.attachments)
+                values = [*given, *space.state[row, given.size : loaded]]
+                space.state[row, :-1] = building.initial_values(values[:floors], values[floors:])
         if laws is not None:
             self._set_laws(space, laws)
         if building.uses_matrices:
@@ -195,28 +181,23 @@ class RunState(Described):
     def _set_laws(self, space: Workspace, laws: Numbers) -> None:
         """Set the variables of the laws, and check that each law keeps its internal variable at its
         drift."""
-        building, part = self.building, self._law_part
-        if building.uses_matrices or not self.steps:
-            reason = "matrices have no laws" if self.steps else "no time step has been completed"
-            raise UsageError(f"laws cannot be replaced, because {reason}; omit laws")
-        given = np.asarray(laws)
-        if given.dtype.kind not in "fiu" or given.shape != self.laws.shape or np.isnan(given).any():
+        given, state = np.asarray(laws), space.law_state
+        if self.building.uses_matrices or not self.steps or given.shape != state.shape:
             raise UsageError(
-                f"laws must contain numbers in the shape {self.laws.shape} of the attribute laws, "
-                f"got {one_line(laws)}"
+                f"laws must contain numbers in the shape {state.shape} of the attribute laws, "
+                f"after the first step of a model without matrices, got {one_line(laws)}"
             )
-        state = space.law_state
-        state[part] = given
-        for story in range(building.stories):
-            move_law(building.law_parameters, state, story, state[rows.DRIFT, story])
-        found = state[part][rows.INTERNAL]
-        wrong = ~np.isclose(found, given[rows.INTERNAL], rtol=1e-9, atol=0.0)
-        wrong |= ~np.isfinite(state[part][rows.FORCE])
-        if wrong.any():
-            column = int(wrong.argmax())
+        state[...] = given
+        for story, drift in enumerate(state[rows.DRIFT, : self.building.stories].tolist()):
+            move_law(self.building.law_parameters, state, story, drift)
+        found, expected = state[rows.INTERNAL], given[rows.INTERNAL]
+        is_kept = np.isclose(found, expected, rtol=1e-9, atol=0.0)
+        is_kept &= np.isfinite(state[rows.FORCE])
+        if not is_kept.all():
+            column = int(is_kept.argmin())
             raise UsageError(
                 f"laws: the variables of column {column + 1} contradict its law, which changes the "
-                f"internal variable {given[rows.INTERNAL, column]:.6g} to {found[column]:.6g}"
+                f"internal variable {expected[column]:.6g} to {found[column]:.6g}"
             )
 
     def _linear_loop(self, space: Workspace) -> LinearLoop:
