@@ -511,6 +511,12 @@ def test_internal_variable_of_a_bilinear_law():
     np.testing.assert_allclose(particle.laws[1, :3], particle.history.shear[0], rtol=1e-15)
     with pytest.raises(ValueError, match="read-only"):
         state.laws[2] = 0.0
+    branches = tdint.Stepper(two_stories("kinematic", "kinematic"), dt=DT)
+    branches.step(0.1)
+    without_force = branches.state.laws.copy()
+    without_force[1, 0] = np.nan
+    with pytest.raises(UsageError, match="column 1 contradict its law"):
+        branches.state.replace(laws=without_force)
     laws[2, 1] = -3e5
     with pytest.raises(UsageError, match=r"column 2 contradict its law.*-300000 to -285000"):
         state.replace(laws=laws)

@@ -292,6 +292,7 @@ def move_law(law_parameters: Array, law_state: Array, story: int, drift: float) 
     resume(law_parameters, law_state, story)
 
 
+@np.errstate(all="ignore")  # as in a compiled kernel
 def start_again(
     building: Building, space: Workspace, ground: float, time: float, is_first: bool
 ) -> None:
