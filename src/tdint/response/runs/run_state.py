@@ -174,7 +174,7 @@ class RunState(Described):
         if building.uses_matrices:
             self._linear_loop(space).start_again(self.steps, self.ground_acceleration)
         else:
-            start_again(building, space, self.ground_acceleration, self.time, self.steps == 0)
+            self._start_again(space)
         restart(space, building)
         return replace(self, space=space)
 
@@ -199,6 +199,33 @@ class RunState(Described):
                 f"laws: the variables of column {column + 1} contradict its law, which changes the "
                 f"internal variable {expected[column]:.6g} to {found[column]:.6g}"
             )
+
+    @np.errstate(all="ignore")  # as in a compiled kernel
+    def _start_again(self, space: Workspace) -> None:
+        """Compute the laws, accelerations and energies of other displacements and velocities, at
+        the start from rest. The functions of the kernels run in Python."""
+        building, ground = self.building, self.ground_acceleration
+        parameters, law_state, state = building.law_parameters, space.law_state, space.state
+        scene = Scene(building.linear_terms, building.modal, parameters, space.forces, space.flags)
+        if not self.steps:
+            law_state[...] = law_state_table(parameters)
+            space.totals[rows.INITIAL_DISSIPATION] = 0.0
+            initialize_laws.function(*scene, *space.memory)
+        for story, (drift, rate) in enumerate(building.drifts(state[:2]).T.tolist()):
+            move_law(parameters, law_state, story, drift)
+            if coefficient := building.linear_terms[rows.TANGENT_DAMPING, story]:
+                slope = tangent_in_motion(parameters, law_state, story, rate)
+                slope = damping_slope(parameters, law_state, story, rows.COMMITTED, slope)
+                state[[rows.DAMPING_FORCE, rows.DAMPING_STATE], story] = coefficient * slope * rate
+        span = Span(self.time, 0.0, ground, ground, False, False, False, False)
+        observe(scene, span, 0.0, space.memory, space.seen)
+        store_previous(state, space.observer_state, building.stories)
+        store_step_start(space.flags, law_state)
+        state[rows.ACCELERATION] = space.observer_state[rows.OBSERVED_ACCELERATION]
+        # Methods of several steps start again.
+        space.step_status[:] = 0.0
+        space.step_status[rows.STATE_GROUND] = ground
+        sum_law_energies.function(*scene, *space.memory, *space.seen)
 
     def _linear_loop(self, space: Workspace) -> LinearLoop:
         """Return the loop of matrices for a single state."""
@@ -290,34 +317,6 @@ def move_law(law_parameters: Array, law_state: Array, story: int, drift: float) 
     restoring_force(law_parameters, law_state, story, rows.COMMITTED, rows.FIRST_TRIAL, drift)
     commit(law_parameters, law_state, story, rows.COMMITTED, rows.FIRST_TRIAL)
     resume(law_parameters, law_state, story)
-
-
-@np.errstate(all="ignore")  # as in a compiled kernel
-def start_again(
-    building: Building, space: Workspace, ground: float, time: float, is_first: bool
-) -> None:
-    """Compute the laws, accelerations and energies of other displacements and velocities; the laws
-    start from rest if `is_first`. The functions of the kernels run in Python."""
-    parameters, law_state, state = building.law_parameters, space.law_state, space.state
-    scene = Scene(building.linear_terms, building.modal, parameters, space.forces, space.flags)
-    if is_first:
-        law_state[...], space.totals[rows.INITIAL_DISSIPATION] = law_state_table(parameters), 0.0
-        initialize_laws.function(*scene, *space.memory)
-    for story, (drift, rate) in enumerate(building.drifts(state[: rows.VELOCITY + 1]).T.tolist()):
-        move_law(parameters, law_state, story, drift)
-        if coefficient := building.linear_terms[rows.TANGENT_DAMPING, story]:
-            slope = tangent_in_motion(parameters, law_state, story, rate)
-            slope = damping_slope(parameters, law_state, story, rows.COMMITTED, slope)
-            state[[rows.DAMPING_FORCE, rows.DAMPING_STATE], story] = coefficient * slope * rate
-    span = Span(time, 0.0, ground, ground, False, False, False, False)
-    observe(scene, span, 0.0, space.memory, space.seen)
-    store_previous(state, space.observer_state, building.stories)
-    store_step_start(space.flags, law_state)
-    state[rows.ACCELERATION] = space.observer_state[rows.OBSERVED_ACCELERATION]
-    # Methods of several steps start again.
-    space.step_status[:] = 0.0
-    space.step_status[rows.STATE_GROUND] = ground
-    sum_law_energies.function(*scene, *space.memory, *space.seen)
 
 
 def store_first_row(space: Workspace, ground: float) -> None:
