@@ -28,7 +28,9 @@ FUNCTIONS = sorted(
 FUNCTIONS_OF_TDINT = {f"tdint.{name}" for name in FUNCTIONS}
 
 PROGRAM = '''
+import copy
 import io
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -70,14 +72,25 @@ def buildings() -> None:
     after: tdint.Response = tdint.run(model, record, initial=whole.final_state)
     stepper = tdint.Stepper(content, "impulse4", 0.01)
     stepper.step(0.1, [1e3])
+    stepper.step(np.array([0.1]), np.zeros(1))
     stepper.copy().reset()
     state: tdint.RunState = stepper.state
+    particle: tdint.RunState = state.replace([1e-3], velocity=state.velocity, laws=state.laws.copy())
+    copy.copy(stepper).reset(particle)
+    copy.deepcopy(stepper).step(0.1)
+    other: tdint.Stepper = pickle.loads(pickle.dumps(stepper))
+    print(other.time, tdint.run(model, initial=particle, duration=1.0).steps)
+    if of_many.devices and derivatives and derivatives.devices and derivatives.devices.errors:
+        strokes = of_many.devices.peak_drift, of_many.history["device_drift"]
+        print(strokes, derivatives.devices.errors.peak_shear, of_many.gradient and of_many.gradient.devices)
     print(state.velocity[0], state.history.energy.kinetic, after.final_state.time)
     tdint.run_sequence(case, [record, record], rest=1.0)
     print(tdint.run_sequence(case, [record], history=True, rest=1.0).history.drift)
     tdint.pushover(content, "2%").to_dict("kip,in,g")
     tdint.target_displacements(tdint.pushover(model, 0.02), "ec8:ag=0.3,soil=B")
-    tdint.cyclic_test(content, 1, ["1%", 0.02])
+    tdint.cyclic_test(content, 1, ["1%", 0.02]), tdint.law_path(content, 1, [0.0, 0.01]).path.shear.max()
+    tdint.run(model, record, method=["hht"], dt=[0.01]).to_pandas()
+    print(tdint.matrices(model).state_space().a, tdint.transfer_function(model, source="roof").maxima)
     tdint.response_spectrum_analysis(model, "ec8:ag=0.3,soil=B")
     tdint.matrices(model)
     transfer: tdint.TransferFunction = tdint.transfer_function(model, source=1)
@@ -93,6 +106,10 @@ def buildings() -> None:
 def motions() -> None:
     curve: tdint.Spectrum = tdint.spectrum(record, [0.1, 1])
     curves: tdint.ResultList[tdint.Spectrum] = tdint.spectrum([record, "b.mseed"], list(periods), "5%")
+    dampings: tdint.ResultList[tdint.Spectrum] = tdint.spectrum(record, [0.1, 1], damping=[0.02, 0.05])
+    target: tdint.TargetSpectrum = tdint.design_spectrum("ec8:type=1,soil=B,ag=0.25g")
+    value: float = tdint.intensity((record, "b.mseed"), "sa(1.0)", pairs="rotd50")
+    print(dampings[0].psa, target.at([0.1]), value)
     for one in curves:
         print(one.psa + curve.psa)
     tdint.drift_spectrum(record, (0.5, 1.0), height_period=tdint.HeightPeriod())

@@ -41,6 +41,18 @@ def test_several_time_steps_and_records():
     assert tdint.spectrum(RECORD, np.array([0.5])).psa.shape == (1,)
 
 
+def test_several_damping_ratios_give_spectra_of_single_calls():
+    ratios, periods = [0.02, "5%"], [0.5, 1.0]
+    records = [RECORD, RECORD.scaled(2.0)]
+    several = tdint.spectrum(records, periods, damping=ratios)
+    singles = [
+        tdint.spectrum(record, periods, damping=ratio) for record in records for ratio in ratios
+    ]
+    assert [curve.damping for curve in several] == [0.02, 0.05] * 2
+    for curve, single in zip(several, singles, strict=True):
+        np.testing.assert_array_equal(curve.psa, single.psa)
+
+
 def test_former_names_are_refused():
     with pytest.raises(AttributeError, match="no attribute 'register_law'"):
         tdint.register_law  # noqa: B018

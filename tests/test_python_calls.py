@@ -2,6 +2,7 @@
 parameter."""
 
 import inspect
+import logging
 import multiprocessing
 import pickle
 
@@ -69,6 +70,23 @@ def test_public_functions_are_picklable():
     for name in ("run", "spectrum", "cyclic_test", "compare"):
         function = getattr(tdint, name)
         assert pickle.loads(pickle.dumps(function)) is function
+
+
+def test_the_logger_silences_remarks(tmp_path, caplog):
+    """As the page of Python states; all loggers of tdint are children of this logger."""
+    file = tmp_path / "pulse.csv"
+    file.write_text("time_s,acceleration_m_s2\n" + "".join(f"{0.01 * i},{i}\n" for i in range(30)))
+    logger = logging.getLogger("tdint")
+    level = logger.level
+    try:
+        tdint.read_record(file)
+        assert "no sample is below zero" in caplog.text
+        caplog.clear()
+        logger.setLevel("ERROR")
+        tdint.read_record(file)
+        assert not caplog.records
+    finally:
+        logger.setLevel(level)
 
 
 @pytest.mark.parametrize(

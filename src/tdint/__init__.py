@@ -25,9 +25,9 @@ notebook, columns (`to_dict`) and a figure (`plot`), and can be pickled:
     Buildings        model_template, check, run (run_many, run_case of prepare, run_sequence,
                      Stepper), modes (response_spectrum_analysis, transfer_function, matrices),
                      cyclic_test (law_path), pushover (target_displacements), compare, inventory
-    Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals,
-                     constant_ductility, constant_strength, floor_spectra of a response),
-                     drift_spectrum, fourier_spectrum
+    Ground motions   record_info (intensity), spectrum (rotated_spectrum of read_horizontals,
+                     constant_ductility, constant_strength, floor_spectra of a response,
+                     design_spectrum), drift_spectrum, fourier_spectrum
     Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities,
                      fit_cloud)
     Methods          methods, stability, overshoot, order, failures, paper_examples, chart

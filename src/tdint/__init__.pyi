@@ -79,6 +79,7 @@ from tdint.response.spectra.modal import response_spectrum_analysis as response_
 from tdint.response.spectra.rotated import RotatedSpectrum as RotatedSpectrum
 from tdint.response.spectra.rotated import rotated_spectrum as rotated_spectrum
 from tdint.response.spectra.target import TargetSpectrum as TargetSpectrum
+from tdint.response.spectra.target import read_target
 from tdint.response.spectra.transfer import TransferFunction as TransferFunction
 from tdint.response.spectra.transfer import transfer_function as transfer_function
 from tdint.response.static.cyclic import CyclicTest as CyclicTest
@@ -100,6 +101,7 @@ from tdint.studies.ida.ida import IdaSettings as IdaSettings
 from tdint.studies.ida.ida import IdaStudy as IdaStudy
 from tdint.studies.ida.ida import ida as ida
 from tdint.studies.ida.ida_curve import Mainshock as Mainshock
+from tdint.studies.motions.intensity import intensity as intensity
 from tdint.studies.motions.matching import Match as Match
 from tdint.studies.motions.matching import match as match
 from tdint.studies.motions.matching import match_suite as match_suite
@@ -116,4 +118,5 @@ from tdint.system import __version__ as __version__
 from tdint.tabular import ResultList as ResultList
 
 check = overview
+design_spectrum = read_target
 methods = list_methods

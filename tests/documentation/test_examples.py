@@ -220,6 +220,17 @@ def test_a_stepper_controls_a_building(checkout):
     assert start >= 10.0 and end == pytest.approx(start + 20.0, abs=0.02)
 
 
+def test_a_regulator_controls_a_building_from_one_sensor(checkout):
+    """The regulator halves the displacement; the filter finds it without its sensor, with errors
+    that are small compared with it; the particle is near its state."""
+    _, run = checkout
+    output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("regulator")]))
+    free, lost, controlled, with_control, particle = map(float, re.findall(r"-?\d+\.\d+", output))
+    assert 2.0 < controlled < 0.6 * free
+    assert lost < 0.1 * free and with_control < 0.2 * controlled
+    assert abs(particle) < controlled
+
+
 def test_a_fit_of_factors(checkout):
     """The factors of a known building are found within 0.1 %."""
     _, run = checkout

@@ -257,7 +257,7 @@ excitation:
     excitation = tdint.load_model(io.StringIO(text)).excitation
     assert [force.floor for force in (*excitation.forces, *excitation.tables)] == [2, 1, 2]
     with pytest.raises(
-        ModelError, match=r"forces\[1\].floor: unknown row 'tup'; did you mean 'tip'"
+        ModelError, match=r"forces\[1\].floor: unknown row or attachment 'tup'; did you mean 'tip'"
     ):
         tdint.load_model(io.StringIO(text.replace("floor: tip", "floor: tup")))
 

@@ -259,3 +259,41 @@ def test_gradient_table_has_row_for_each_parameter_and_story():
     np.testing.assert_array_equal(table["run"], [0] * 20 + [1] * 20)
     np.testing.assert_array_equal(table["peak_shear"], many.peak_shear.ravel())
     assert "peak_drift_error" not in table
+
+
+TREE = {
+    "stories": [
+        {"repeat": 3, "mass": 1e5, "height": 3.0, "stiffness": 8e7,
+         "law": {"type": "bilinear", "yield_force": 3e5, "hardening": 0.05}}
+    ],
+    "attachments": [{"name": "tmd", "floor": 3, "mass": 6e3, "stiffness": 4e5, "dashpot": 6e3}],
+    "links": [{"name": "damper", "from": 2, "to": "ground", "dashpot": 2e6, "stiffness": 1e5}],
+    "damping": "3%",
+}  # fmt: skip
+
+
+def test_derivatives_of_strokes_and_forces_of_attachments_and_links():
+    """Euler's theorem in scale and strengths, differences of two further runs, and the same numbers
+    in many runs, also beside a building without attachments."""
+    names = ("record.scale", "strength_factor", "attachments[tmd].stiffness")
+    response = tdint.run(TREE, RECORD, gradient=names, history=True)
+    gradient, peaks = response.gradient.devices, response.devices.stories
+    for quantity in ("peak_drift", "peak_shear", "peak_damper_force", "peak_absolute_acceleration"):
+        derivatives, values = getattr(gradient, quantity), getattr(peaks, quantity)
+        np.testing.assert_allclose(derivatives[0] + derivatives[1], values, rtol=1e-7)
+    near = 4e5 * np.array([1.0 - 1e-3, 1.0 + 1e-3])
+    runs = tdint.run_many(TREE, RECORD, vary={names[2]: near}, history="device_shear")
+    for quantity in ("peak_drift", "peak_shear"):
+        below, above = getattr(runs.devices, quantity)
+        expected, found = (above - below) / (near[1] - near[0]), getattr(gradient, quantity)[2]
+        np.testing.assert_allclose(found, expected, atol=1e-4 * np.max(np.abs(expected)))
+    below, above = runs.history["device_shear"]
+    expected = (above - below) / (near[1] - near[0])
+    found = response.gradient.history["device_shear"][2][: len(expected)]
+    np.testing.assert_allclose(found, expected, atol=1e-4 * np.max(np.abs(expected)))
+    models = [ten_bilinear(ModalDamping((0.05,))), TREE]
+    many = tdint.run_many(models, RECORD, gradient=names[:2], check=True).gradient.devices
+    np.testing.assert_array_equal(many.peak_drift[1], gradient.peak_drift[:2])
+    np.testing.assert_array_equal(many.errors.peak_shear[1], gradient.errors.peak_shear[:2])
+    assert np.isnan(many.peak_drift[0]).all() and (gradient.errors.peak_drift > 0.0).all()
+    assert list(gradient.to_dict())[:3] == ["parameter", "device", "value"]

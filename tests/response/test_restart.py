@@ -306,8 +306,9 @@ def test_reset_copy_and_state_are_independent(forces):
     np.testing.assert_array_equal(state.displacement, expected[20])
 
 
-def test_run_continues_from_a_stepper():
-    model = building(("brace",))
+@pytest.mark.parametrize("feature", FEATURES)
+def test_run_continues_from_a_stepper(feature):
+    model = building((feature,))
     whole = tdint.run(model, MOTION, duration=STEPS * INTERVAL, history=True, check=False)
     stepper = tdint.Stepper(model, dt=INTERVAL)
     for cut in (0, 20):
@@ -382,3 +383,46 @@ def test_kinks_of_power_law_dashpots_do_not_depend_on_recorded_peaks():
     model = {"stories": stories, "damping": "2%", "plausibility": "off, test"}
     whole, _, second = halves(model, STEPS // 2, dt=0.5 * INTERVAL, method="impulse4")
     assert_same_rows(whole, STEPS, second)
+
+
+OF_MOTION = [(name, "impulse4") for name in FEATURES if name not in ("harmonic", "points")]
+
+
+@pytest.mark.parametrize(
+    ("feature", "method"), [*OF_MOTION, ("p-delta", "houbolt"), ("attachments", "gauss4")]
+)
+def test_replaced_motion_at_rest_is_the_initial_motion_of_a_model(feature, method):
+    """Laws, dampers and methods of several steps start from the motion as at the start of a run,
+    also if the state is that of the start of another model."""
+    model = building((feature,))
+    u, v = [4e-3, -5e-3], [0.05, -0.1]
+    attached = [item["name"] for item in model.get("attachments", [])]
+    motion = {"displacement": 1e-3, "velocity": 0.02}
+    initial = {"displacement": u, "velocity": v}
+    if attached:
+        initial["attachments"] = dict.fromkeys(attached, motion)
+        u, v = [*u, *[1e-3] * len(attached)], [*v, *[0.02] * len(attached)]
+    expected = tdint.Stepper(model | {"initial": initial}, method, INTERVAL)
+    other = tdint.Stepper(model | {"initial": {"displacement": [0.02, 0.0]}}, method, INTERVAL)
+    later = tdint.Stepper(model, method, INTERVAL)
+    for _ in range(3):
+        later.step(0.0)
+    for stepper in (later, other):
+        state = stepper.state.replace(u, v)
+        start = expected.state.history
+        np.testing.assert_allclose(state.history.shear, start.shear, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            state.history.energy.strain, start.energy.strain, rtol=1e-9, atol=1e-9
+        )
+        stepper.reset(state)
+    for steps in (0, 10):
+        for stepper in (expected, other, later):
+            for acceleration in SAMPLES[1 : steps + 1]:
+                stepper.step(acceleration)
+        for stepper in (other, later):
+            for name in QUANTITIES[2:]:
+                values = getattr(expected.state.history, name)
+                np.testing.assert_allclose(
+                    getattr(stepper.state.history, name), values,
+                    rtol=0, atol=1e-9 * np.max(np.abs(values)) + 1e-300, err_msg=name,
+                )  # fmt: skip

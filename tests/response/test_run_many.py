@@ -12,7 +12,7 @@ from small_buildings import MOTION
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.fractiles import fractiles
 from tdint.model.definition import RayleighRatio
-from tdint.response.runs.history import HISTORIES
+from tdint.response.runs.history import HISTORIES, values_of
 from tdint.response.runs.outcome import STORY_QUANTITIES, FailedRun
 from tdint.units import STANDARD_GRAVITY
 
@@ -118,7 +118,7 @@ def test_histories_of_building_with_attachments_are_those_of_floors():
     found = tdint.run_many(building, RECORDS[0], method="impulse4", history=True)
     single = tdint.run(building, RECORDS[0], method="impulse4", history=True)
     for name, kept in found.history.items():
-        values = getattr(single.history, name)[: kept.shape[1]]
+        values = values_of(single.history, name)[: kept.shape[1]]
         np.testing.assert_array_equal(kept[0, : len(values)], values)
 
 
@@ -390,17 +390,17 @@ def test_forces_of_elements_are_histories():
         tdint.run_many(featured(("power",)), MOTION, history="element_force")
 
 
+WITH_DEVICES = {
+    "stories": [{"mass": 2e3, "stiffness": 2e6, "repeat": 2}],
+    "damping": "2%",
+    "attachments": [{"name": "tmd", "floor": 2, "mass": 90.0, "stiffness": 4e4, "dashpot": 90.0}],
+    "links": [{"from": 2, "to": "ground", "dashpot": 500.0}],
+}
+
+
 def test_peaks_of_attachments_and_links_are_those_of_single_runs():
     """Also in batches, with a building that has none, and in a part of the runs."""
-    content = {
-        "stories": [{"mass": 2e3, "stiffness": 2e6, "repeat": 2}],
-        "damping": "2%",
-        "attachments": [
-            {"name": "tmd", "floor": 2, "mass": 90.0, "stiffness": 4e4, "dashpot": 90.0}
-        ],
-        "links": [{"from": "ground", "to": 2, "dashpot": 500.0}],
-    }
-    models = [tdint.load_model(content), two_stories()]
+    models = [tdint.load_model(WITH_DEVICES), two_stories()]
     runs = tdint.run_many(models, RECORDS[0], scales=SCALES, check=False)
     for i, scale in enumerate(SCALES):
         single = tdint.run(models[0], RECORDS[0].scaled(scale), check=False).devices.stories
@@ -409,3 +409,22 @@ def test_peaks_of_attachments_and_links_are_those_of_single_runs():
     assert np.isnan(runs.devices.peak_drift[3:]).all()
     assert runs[1:2].devices.peak_drift.tolist() == runs.devices.peak_drift[1:2].tolist()
     assert tdint.run_many(models[1], RECORDS[0]).devices is None
+
+
+@pytest.mark.parametrize("check", [False, True])
+def test_histories_of_attachments_and_links_are_those_of_single_runs(check):
+    """Also with error estimates, whose runs are integrated individually."""
+    models = [two_stories(), tdint.load_model(WITH_DEVICES)]
+    options = {"history": True, "check": check}
+    runs = tdint.run_many(models, RECORDS[0], scales=SCALES[:2], every=2, **options)
+    devices = tdint.run(models[1], RECORDS[0].scaled(SCALES[1]), **options).history.devices
+    names = [name for name in runs.history if name.startswith("device_")]
+    assert len(names) == 6
+    for name in names:
+        expected = getattr(devices, name.removeprefix("device_"))[::2]
+        found = runs.history[name]
+        np.testing.assert_array_equal(found[3, : len(expected)], expected)
+        assert found.shape[2] == 2 and np.isnan(found[:2]).all()
+    assert runs.history["device_drift"][3].any(axis=0).all()
+    with pytest.raises(UsageError, match="device_drift needs a building with attachments or links"):
+        tdint.run_many(models[0], RECORDS[0], history="device_drift")

@@ -15,7 +15,7 @@ from tdint.output.presentation import presentations
 from tdint.output.tables.runs import si_units_of, varied_columns
 from tdint.output.tables.table import Column, Table, describe, parquet
 from tdint.response.runs.energy import ENERGY_TERMS
-from tdint.response.runs.history import ELEMENT_FORCE, History
+from tdint.response.runs.history import DEVICE, ELEMENT_FORCE, History
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.tabular import ResultList, import_optional
 from tdint.units import SI, OutputUnits, parse_output_units, quantities
@@ -147,9 +147,12 @@ def to_xarray(runs: Runs) -> Any:
     # Each variable is a tuple of its dimensions, its values and its attributes.
     variables: dict[str, Any] = {}
     for quantity in STORY_QUANTITIES:
-        values = getattr(runs.stories, quantity.name)
         attributes = {"units": quantity.unit, "long_name": quantity.meaning}
+        values = getattr(runs.stories, quantity.name)
         variables[quantity.name] = (("run", "story"), values, attributes)
+        if runs.devices:
+            values = getattr(runs.devices, quantity.name)
+            variables[DEVICE + quantity.name] = (("run", "device"), values, attributes)
         if hasattr(runs.errors, quantity.name):
             errors = getattr(runs.errors, quantity.name)
             variables[f"{quantity.name}_error"] = (
@@ -159,7 +162,9 @@ def to_xarray(runs: Runs) -> Any:
             )
     for name, values in runs.history.items():
         last = "element" if name == ELEMENT_FORCE else "story"
-        variables[name] = ("run", "time", last), values, {"units": _HISTORY_UNITS[name]}
+        last = "device" if name.startswith(DEVICE) else last
+        units = _HISTORY_UNITS[name.removeprefix(DEVICE)]
+        variables[name] = ("run", "time", last), values, {"units": units}
     if runs.history:
         # Times that differ between runs cannot be a coordinate of the axis `time`.
         if len(runs.time) == 1:
@@ -197,7 +202,7 @@ def history_to_xarray(history: History) -> Any:
         for name, values in vars(history.devices).items():
             if name in _HISTORY_UNITS:
                 attributes = {"units": _HISTORY_UNITS[name]}
-                variables[f"device_{name}"] = ("time", "device"), values, attributes
+                variables[f"{DEVICE}{name}"] = ("time", "device"), values, attributes
     del variables["time"]
     return xarray.Dataset(variables, coordinates)
 

@@ -250,6 +250,11 @@ def finite_numbers(values: object) -> Array | None:
     return array if np.isfinite(array).all() else None
 
 
+def one_line(value: object) -> str:
+    """Return the start of a value as text for messages, also of arrays, in one line."""
+    return " ".join(repr(value).split())[:60]
+
+
 def between(
     argument: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False
 ) -> float:

@@ -21,6 +21,7 @@ from tdint.model.definition import damped_by
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.response.arguments import named_sample, numbers_of
 from tdint.response.runs.batch import NO_MOTION, Subject
+from tdint.response.runs.history import DEVICE, ELEMENT_FORCE
 from tdint.response.runs.many_results import SCALE, RunSpec
 from tdint.response.runs.prepared import SampleTables
 from tdint.response.time_steps import Steps, record_steps
@@ -155,18 +156,21 @@ class RunsRequest:
         record = self.records[run.record]
         return record_steps(run.steps, None if record is NO_MOTION else record.duration)
 
-    @cached_property
-    def elements(self) -> int:
-        """Largest number of elements of stories with several elements in a building."""
-        models = (subject.model for subject in self.subjects)
-        return max(
-            (sum(len(item.elements) for item in model.stories) for model in models), default=0
-        )
+    def width(self, name: str) -> int:
+        """Return the number of columns of a history: elements, attachments and links, or stories of
+        the building that has most of them."""
+        models = [subject.model for subject in self.subjects]
+        if name == ELEMENT_FORCE:
+            counts = [sum(len(item.elements) for item in model.stories) for model in models]
+        else:
+            is_device = name.startswith(DEVICE)
+            counts = [len(model.devices if is_device else model.stories) for model in models]
+        return max(counts, default=0)
 
     @cached_property
     def stories(self) -> int:
         """Number of stories of the tallest building."""
-        return max((len(subject.model.stories) for subject in self.subjects), default=0)
+        return self.width("")
 
 
 def plan_runs(

@@ -12,6 +12,7 @@ from el_centro import el_centro
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.axes import PairRecord, along_axes
 from tdint.ground_motion.horizontals import find_horizontals
+from tdint.response.runs.history import HISTORIES_OF_MANY, values_of
 from tdint.response.runs.outcome import Resultant
 from tdint.response.runs.two_directions import combined, lines, peak_of_vector
 
@@ -301,6 +302,28 @@ def test_peak_of_resultant_shear_at_a_corner_in_a_step(method):
     assert abs(coarse.value - fine.value)[0] <= 2.0 * coarse.error[0]
     if method == "impulse4":
         assert coarse.value == pytest.approx(fine.value, rel=1e-4)
+
+
+def test_histories_of_directions_are_those_of_runs_of_each():
+    """Of stories, attachments and links; the response itself has no history."""
+    more = {
+        "damping": "5%",
+        "attachments": [{"name": "tmd", "floor": 2, "mass": 3e3, "stiffness": 1e6, "dashpot": 2e4}],
+        "links": [{"from": 2, "to": "ground", "dashpot": 2e5}],
+    }
+    both = tdint.run({**LINEAR, **more}, (X, Y), history=True, check=False)
+    assert both.history is None
+    for part, key, record in zip(both.directions, "xy", (X, Y), strict=True):
+        stories = [
+            {"mass": story["mass"], "height": story["height"], **story[key]}
+            for story in LINEAR["stories"]
+        ]
+        one = tdint.run({"stories": stories, **more}, record, history=True, check=False).history
+        for name in HISTORIES_OF_MANY:
+            found, expected = values_of(part.history, name), values_of(one, name)
+            rows = min(len(found), len(expected))
+            assert rows >= len(X.acceleration)
+            assert_allclose(found[:rows], expected[:rows], rtol=1e-12, err_msg=name)
 
 
 def test_no_direction_keeps_the_history_of_its_additional_run():

@@ -210,3 +210,14 @@ def test_number_of_points_is_limited(monkeypatch):
             UsageError, match=f"{3 * more['cycles']} cycles of {4 * more['points']} points exceed"
         ):
             cyclic_test(building, 1, sizes, **more)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "more"), [("1%", {}), ([], {}), (["1%"], {"cycles": 0}), ([0.01], {"points": 0})]
+)
+def test_cyclic_test_states_what_it_expects(sizes, more):
+    law = Law("bilinear", (FY, 0.05))
+    with pytest.raises(UsageError, match=r"sizes must be a sequence .*\['1%', '20mm', '4dy'\]"):
+        cyclic_test(one_story(law), 1, sizes, **more)
+    both = cyclic_test(one_story(law), 1, np.array([0.01, 0.02])).cycles
+    assert [cycle.amplitude for cycle in both] == pytest.approx([0.01 * HEIGHT, 0.02 * HEIGHT])

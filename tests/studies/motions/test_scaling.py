@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tdint
 from facts import each_states
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.grids import Grid
@@ -413,3 +414,31 @@ def test_peaks_in_all_directions_contain_the_peaks_of_the_files(name: str, index
     largest = measured.of(pair, "rotd100")
     assert max(stated) * (1.0 - 1e-12) <= largest <= math.hypot(*stated) * (1.0 + 1e-12)
     assert measured.of(pair, "rotd50") <= largest
+
+
+@pytest.mark.parametrize("name", ["pga", "pgv", "arias", "cav", "cav5", "d5-75", "sa(1)"])
+def test_intensity_of_one_motion(name):
+    """The value of `spectrum` or `measure`, of a pair the geometric mean, and of a motion that is
+    scaled to it."""
+    motions = [record(0), record(1, "HN2")]
+    found = [tdint.intensity(motion, name) for motion in motions]
+    attribute = name.replace("-", "_")
+    if name == "sa(1)":
+        expected = [spectrum(motion, [1.0], 0.05).psa[0] for motion in motions]
+    else:
+        expected = [getattr(measure(motion), attribute) for motion in motions]
+    assert found == pytest.approx(expected, rel=1e-12)
+    assert tdint.intensity(tuple(motions), name) == pytest.approx(math.sqrt(math.prod(found)))
+    if name not in ("cav5", "d5-75"):
+        scaled = motions[0].scaled(scale(motions[:1], name, 3.0).factors[0])
+        assert tdint.intensity(scaled, name) == pytest.approx(3.0, rel=1e-9)
+    with pytest.raises(UsageError, match=r"unknown intensity measure 'sav' .*known: pga, pgv"):
+        tdint.intensity(motions[0], "sav")
+
+
+def test_design_spectrum_is_a_function_of_the_period():
+    """EN 1998-1, type 1, ground B: S = 1.2, TB 0.15, TC 0.5, TD 2 s."""
+    target = tdint.design_spectrum("ec8:type=1,soil=B,ag=2m/s^2")
+    plateau = 2.0 * 1.2 * 2.5
+    expected = [2.0 * 1.2, plateau, 0.5 * plateau]
+    np.testing.assert_allclose(target.at([0.0, 0.3, 1.0]), expected, rtol=1e-12)

@@ -142,9 +142,9 @@ def read_requests(
         if key in names and not key.isdecimal():
             number = names.index(key) + 1.0
         is_floor = number >= 1 and number == int(number)
-        if not (is_floor or key == ROOF) or (count and number > count):
+        if not (is_floor or key == ROOF) or (count and number > count and key not in names):
             limit = f" to {count} (the number of stories)" if count else ""
-            known = f", {ROOF} or the name of a row" if names else f" or {ROOF}"
+            known = f", {ROOF} or the name of a row or attachment" if any(names) else f" or {ROOF}"
             floors.fault(f"the keys must be floors from 1{limit}{known}, got {quoted(key)}")
             continue
         text = entry.text()

@@ -169,7 +169,7 @@ def read_excitation(
 ) -> Excitation:
     """Return the ground motion and the forces of the section `excitation`, which can be missing.
 
-    `names` are the names of rows that are not floors.
+    `names` are the names of rows that are not floors, and of attachments (`Value.floor`).
     """
     section = value.section(EXCITATION) if value else None
     if section is None:
@@ -486,6 +486,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
 
         limits = read_limits(value, unit, stories, attachments, links)
     output_units, page_units = _read_output_units(section.get("output_units"), unit)
+    rows = (matrices.names if matrices else ()) or ("",) * (count or 0)
+    loaded = (*rows, *(item.name for item in attachments))
     # The keys of `_ANALYSIS` have the order of the attributes of `Analysis`.
     model = Model(
         name=section.read("name") or origin.name,
@@ -494,7 +496,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         stories=stories,
         damping=damping,
         p_delta=p_delta,
-        excitation=read_excitation(excitation, unit, count, matrices.names if matrices else ()),
+        excitation=read_excitation(excitation, unit, count, loaded),
         initial=_read_initial(section.inner("initial"), unit, count, attachments),
         analysis=Analysis(*map(section.inner("analysis").read, _ANALYSIS)),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),

@@ -379,14 +379,14 @@ class Value(NamedTuple):
         """Return the number of the floor: a number from 1, or `roof`; 0 after reporting an error.
 
         `count` is the number of stories; None if it is unknown because of an error. `names` are the
-        names of rows that are not floors, which may also be given.
+        names of rows and attachments, which may also be given; empty for a floor without a name.
         """
         if self.word in names and not self.word.isdecimal():
             return names.index(self.word) + 1
         if self.is_word(ROOF):
             return count or 0
-        if names and self.word and not self.word[0].isdecimal():
-            self.choice(names, "row")
+        if any(names) and self.word and not self.word[0].isdecimal():
+            self.choice([name for name in names if name], "row or attachment")
             return 0
         return self.integer(numbered(count)) or 0
 

@@ -85,10 +85,11 @@ def _table_of_peaks(response: Response) -> Table:
 def gradient_columns(result: Gradient) -> list[Column]:
     """Return the columns of a table of derivatives of peak responses, in SI units.
 
-    The table has a row for each run, parameter and story. The columns are `run` (omitted for a
-    single run), `parameter`, `story`, `value` (of the parameter), and for each quantity its
-    derivative `<quantity>`, half the difference of its one-sided derivatives `<quantity>_kink`, and
-    its estimated discretization error `<quantity>_error` (omitted without error estimates).
+    The table has a row for each run, parameter and story or device. The columns are `run` (omitted
+    for a single run), `parameter`, `story` or `device`, `value` (of the parameter), and for each
+    quantity its derivative `<quantity>`, half the difference of its one-sided derivatives
+    `<quantity>_kink`, and its estimated discretization error `<quantity>_error` (omitted without
+    error estimates).
     """
     # The arrays have the shape (runs, parameters, stories), or (parameters, stories) for a single
     # run. The shape always gets the axis of the runs: `atleast_3d` adds a missing axis at the end,
@@ -99,7 +100,7 @@ def gradient_columns(result: Gradient) -> list[Column]:
     cells_of_columns: list[tuple[str, str, Any]] = []  # name, unit, cells
     if shape[0] > 1:
         cells_of_columns.append(("run", "1", runs.ravel()))
-    cells_of_columns += [("parameter", "text", names), ("story", "1", 1 + stories.ravel())]
+    cells_of_columns += [("parameter", "text", names), (result.axis, "1", 1 + stories.ravel())]
     parameter_values = np.broadcast_to(np.reshape(result.values, (*shape[:2], 1)), shape)
     cells_of_columns.append(("value", "1", parameter_values.ravel()))
     for quantity in STORY_QUANTITIES:

@@ -858,7 +858,7 @@ class Case(Described):
             from tdint.response.runs.load_notes import table_notes
 
             before = self.prepared.completed * response.dt
-            notes += table_notes(self.model.excitation.tables, before + end)
+            notes += table_notes(self.model, before + end)
         notes += self._stiffening_note()
         if response.substeps:
             notes.append(

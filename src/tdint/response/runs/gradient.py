@@ -33,7 +33,7 @@ from tdint.response.runs.error_estimate import (
     factors,
     shorter_steps,
 )
-from tdint.response.runs.history import HISTORIES
+from tdint.response.runs.history import HISTORIES_OF_MANY, values_of
 from tdint.response.runs.many_results import SCALE, Runs, RunSpec
 from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
 
@@ -182,6 +182,9 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
 
 # ---- Derivatives of completed runs: two neighboring runs for each parameter, as additional samples
 
+Peaks = tuple[StoryPeaks, StoryPeaks | None]
+"""Peaks of stories, and of attachments and links."""
+
 Integrate = Callable[[RunsRequest, Sequence[RunSpec], int, tuple[str, ...]], Runs]
 """Function that integrates the runs of a plan and keeps every N-th step of the named histories."""
 
@@ -214,19 +217,19 @@ def gradient_of(
     request = RunsRequest((subject,), (record,), None, None, check, {})
     plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
     # The index None adds the axis of the runs, with a single run.
-    peaks = each_array(itemgetter(None), response.stories)
-    history = (
-        {name: getattr(response.history, name)[None] for name in HISTORIES}
-        if response.history
-        else {}
-    )
+    devices = response.devices.stories if response.devices else None
+    peaks = each_array(itemgetter(None), response.stories), each_array(itemgetter(None), devices)
+    history = {}
+    if response.history:
+        kept = filter(request.width, HISTORIES_OF_MANY)
+        history = {name: values_of(response.history, name)[None] for name in kept}
     return differentiate(request, plan, peaks, history, 1, names, integrate).select_run(0)
 
 
 def differentiate(
     request: RunsRequest,
     plan: Sequence[RunSpec],
-    peaks: StoryPeaks,
+    peaks: Peaks,
     history: Mapping[str, NDArray[np.floating[Any]]],
     every: int,
     names: Sequence[str],
@@ -241,11 +244,11 @@ def differentiate(
     ----------
     plan : sequence of RunSpec
         Completed runs.
-    peaks : StoryPeaks
-        Peaks of all runs, shape (runs, n), SI units.
+    peaks : tuple of StoryPeaks and of StoryPeaks or None
+        Peaks of all runs, shape (runs, n), SI units, of stories, and of attachments and links.
     history : mapping of str to ndarray, shape (runs, rows, n)
         Histories of all runs that were kept, every N-th step (`every`), by the names of
-        `HISTORIES`.
+        `HISTORIES_OF_MANY`.
     names : sequence of str
         Parameters, as in `vary` of `run_many`.
     """
@@ -259,23 +262,32 @@ def differentiate(
     other_request = replace(request, subjects=subjects, check=False)
     others = [run._replace(number=i, steps=shorter_steps(run.steps)) for i, run in enumerate(plan)]
     base = integrate(other_request, others, 1, ())
-    other = _differentiated(other_request, others, base.stories, {}, 1, names, integrate)
-    errors = {}
+    other_peaks = base.stories, base.devices
+    other = _differentiated(other_request, others, other_peaks, {}, 1, names, integrate)
     model_factors = [factors(subject.integrator) for subject in request.subjects]
-    for field in fields(StoryErrors):
-        derivatives, other_derivatives = getattr(gradient, field.name), getattr(other, field.name)
-        errors[field.name] = np.full_like(derivatives, math.nan)
-        for run, with_half_step in zip(plan, other_derivatives, strict=True):
-            errors[field.name][run.number] = slope_errors(
-                derivatives[run.number], with_half_step, model_factors[run.model]
-            )
-    return replace(gradient, errors=StoryErrors(**errors))
+
+    def errors_of(gradient: Gradient, other: Gradient) -> StoryErrors:
+        """Return the errors of derivatives from the derivatives with half the time step."""
+        errors = {}
+        for field in fields(StoryErrors):
+            derivatives, with_half_steps = (getattr(item, field.name) for item in (gradient, other))
+            errors[field.name] = np.full_like(derivatives, math.nan)
+            for run, with_half_step in zip(plan, with_half_steps, strict=True):
+                errors[field.name][run.number] = slope_errors(
+                    derivatives[run.number], with_half_step, model_factors[run.model]
+                )
+        return StoryErrors(**errors)
+
+    devices = gradient.devices
+    if devices and other.devices:
+        devices = replace(devices, errors=errors_of(devices, other.devices))
+    return replace(gradient, errors=errors_of(gradient, other), devices=devices)
 
 
 def _differentiated(
     request: RunsRequest,
     plan: Sequence[RunSpec],
-    peaks: StoryPeaks,
+    peaks: Peaks,
     history: Mapping[str, NDArray[np.floating[Any]]],
     every: int,
     names: Sequence[str],
@@ -313,7 +325,7 @@ def _differentiated(
 
     def with_all_rows(run_values: NDArray[Any]) -> NDArray[Any]:
         """Return an array with a row for each run, from the rows of the integrated runs."""
-        filled = np.full((len(peaks.peak_drift), *run_values.shape[1:]), math.nan)
+        filled = np.full((len(peaks[0].peak_drift), *run_values.shape[1:]), math.nan)
         filled[rows] = run_values
         return filled
 
@@ -327,20 +339,29 @@ def _differentiated(
         neighbor_values = neighboring.reshape(*offsets.shape, *base.shape[1:])
         return [with_all_rows(array) for array in slopes(base[rows], neighbor_values, offsets)]
 
-    peak_derivatives: dict[str, Any] = {
-        field.name: differences(getattr(peaks, field.name), getattr(result.stories, field.name))
-        for field in fields(StoryErrors)
+    def derivatives(base: StoryPeaks, neighboring: StoryPeaks, **more: Any) -> Gradient:
+        """Return the derivatives of peaks (`differences`), with other attributes."""
+        pairs: dict[str, Any] = {
+            field.name: differences(getattr(base, field.name), getattr(neighboring, field.name))
+            for field in fields(StoryErrors)
+        }
+        return Gradient(
+            **{name: derivative for name, (derivative, _) in pairs.items()},
+            kink=StoryErrors(**{name: kink for name, (_, kink) in pairs.items()}),
+            parameters=tuple(names),
+            values=with_all_rows(values),
+            **more,
+        )
+
+    stories, devices = peaks
+    of_devices = None
+    if devices and result.devices:
+        of_devices = derivatives(devices, result.devices, history={}, axis="device")
+    of_histories = {
+        name: differences(array, _with_rows(result.history[name], array.shape[1]))[0]
+        for name, array in history.items()
     }
-    return Gradient(
-        **{name: derivative for name, (derivative, _) in peak_derivatives.items()},
-        parameters=tuple(names),
-        values=with_all_rows(values),
-        kink=StoryErrors(**{name: kink for name, (_, kink) in peak_derivatives.items()}),
-        history={
-            name: differences(array, _with_rows(result.history[name], array.shape[1]))[0]
-            for name, array in history.items()
-        },
-    )
+    return derivatives(stories, result.stories, history=of_histories, devices=of_devices)
 
 
 def _with_rows(array: NDArray[Any], count: int) -> NDArray[Any]:

@@ -238,25 +238,29 @@ def named_history(
         energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=relative),
         element_force=_element_force(building, loads, time, table) if has_elements else None,
         element_labels=building.element_labels,
-        devices=_device_history(building, series) if building.branched else None,
+        devices=_device_history(building, loads, time, table) if building.branched else None,
         rows=building.system.names if building.system is not None else (),
         **{name: values[:, part] for name, values in series.items()},  # type: ignore[arg-type]
     )
 
 
-def _device_history(building: Building, series: dict[str, Array]) -> DeviceHistory:
-    """Return the histories of attachments and links; the deformations of links have the sign for
-    their direction in the model."""
-    part, signs = building.device_columns, building.device_signs
-    signed = ("drift", "shear", "damper_force")
+def _device_history(building: Building, loads: Loads, time: Array, table: Array) -> DeviceHistory:
+    """Return the histories of attachments and links; arguments as for `FieldFunction`."""
     return DeviceHistory(
         attachments=tuple(column_name(item.name) for item in building.attachments),
         links=tuple(column_name(item.name) for item in building.links),
         **{
-            name: series[name][:, part] * (signs if name in signed else 1.0)
-            for name in ("displacement", "velocity", "absolute_acceleration", *signed)
+            name.removeprefix(DEVICE): compute(building, loads, time, table)
+            for name, compute in _HISTORIES_OF_DEVICES.items()
         },
     )
+
+
+def values_of(history: History, name: str) -> Array:
+    """Return a quantity of `HISTORIES_OF_MANY`, without columns if the building has none."""
+    owner = history.devices if name.startswith(DEVICE) else history
+    values = getattr(owner, name.removeprefix(DEVICE), None)
+    return np.zeros((history.time.size, 0)) if values is None else values
 
 
 def chunks_with_error(
@@ -360,5 +364,26 @@ HISTORIES: dict[str, FieldFunction] = {
 ELEMENT_FORCE = "element_force"
 """Field of `History` with a column for each element instead of each story."""
 
-HISTORIES_OF_MANY = HISTORIES | {ELEMENT_FORCE: _element_force}
+DEVICE = "device_"
+"""Prefix of the fields of `DeviceHistory` in the histories of many runs."""
+
+
+def _of_devices(name: str) -> FieldFunction:
+    """Return a `FieldFunction` of a quantity of attachments and then links. Deformations and forces
+    of links have the sign for their direction in the model."""
+
+    def compute(building: Building, loads: Loads, time: Array, table: Array) -> Array:
+        """Return the values, shape (rows, devices)."""
+        values = HISTORIES[name](building, loads, time, table)[:, building.device_columns]
+        is_signed = name in ("drift", "shear", "damper_force")
+        return values * building.device_signs if is_signed else values
+
+    return compute
+
+
+_HISTORIES_OF_DEVICES = {
+    f"{DEVICE}{name}": _of_devices(name) for name in HISTORIES if name != "total_shear"
+}
+
+HISTORIES_OF_MANY = HISTORIES | {ELEMENT_FORCE: _element_force} | _HISTORIES_OF_DEVICES
 """Functions that compute the histories of many runs."""

@@ -299,6 +299,8 @@ class LinearLoop:
     def step(self, _: Steps, first: int, last: int) -> int:
         """Integrate steps as `__call__`, one by one, without peaks and without a history: the time
         steps of a `Stepper`, whose loads are linear within a step."""
+        if last == 0:  # only the results at the start
+            self.start_again(0, float(self.ground[0]))
         share, matrix = self._single
         parts, size = len(share) - 1, 2 * self.omega.size
         for number in range(first, last):
@@ -317,10 +319,20 @@ class LinearLoop:
     def state_row(self, number: int, ground: float) -> Array:
         """Return the row of a history with the present state after `number` steps, under a ground
         acceleration, m/s^2."""
+        grid = self._present(number, ground)
+        return self._rows(grid, np.zeros(1, np.intp), self.space.totals[None, : rows.ENERGY_TERMS])
+
+    def start_again(self, number: int, ground: float) -> None:
+        """Store the results of other displacements and velocities; arguments as for `state_row`."""
+        grid = self._present(number, ground)
+        self._set_totals(grid, self._energies(grid, self.h), number)
+        self._set_state(grid)
+
+    def _present(self, number: int, ground: float) -> _Grid:
+        """Return the present state as a grid of one point; arguments as for `state_row`."""
         loads = self._loads(np.array([number]), 1.0, self.h)
         loads[0, 0] = ground
-        grid = self._grid(self._modal_state(number == 0)[None], loads)
-        return self._rows(grid, np.zeros(1, np.intp), self.space.totals[None, : rows.ENERGY_TERMS])
+        return self._grid(self._modal_state(number == 0)[None], loads)
 
     def _outcome(self) -> int:
         """Return NOT_FINITE if the displacements are beyond all bounds, otherwise 0."""

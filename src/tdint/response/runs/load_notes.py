@@ -41,8 +41,8 @@ def default_step(tables: Sequence[TableForce], period: float) -> tuple[float, st
     return step, f"the time step is {step:.6g} s, a fiftieth of the first period"
 
 
-def table_notes(tables: Sequence[TableForce], end: float) -> list[str]:
-    """Return the notes on tables that end with a force, or after the end of the run.
+def table_notes(model: Model, end: float) -> list[str]:
+    """Return the notes on tables of a model that end with a force, or after the end of the run.
 
     Parameters
     ----------
@@ -51,14 +51,18 @@ def table_notes(tables: Sequence[TableForce], end: float) -> list[str]:
     """
     notes = []
     groups: dict[tuple[LoadTable, float], list[TableForce]] = {}
-    for force in tables:
+    for force in model.excitation.tables:
         groups.setdefault((force.table, force.start), []).append(force)
     for members in groups.values():
         first, last = float(members[0].times[0]), float(members[0].times[-1])
         floors = sorted({force.floor for force in members if _ends_with_force(force)})
-        name = table_name(members[0])
+        # The name of a table for messages
+        place = f"points on floor {model.end_name(members[0].floor)}"
+        name = Path(members[0].table.source).name or place
         if floors and last < end * (1.0 - _ROUNDING):
-            listed = f"floor{'s' if len(floors) > 1 else ''} {', '.join(map(str, floors))}"
+            listed = (
+                f"floor{'s' if len(floors) > 1 else ''} {', '.join(map(model.end_name, floors))}"
+            )
             if len(floors) > 5:
                 listed = pluralize(len(floors), "floor")
             notes.append(
@@ -76,11 +80,6 @@ def _ends_with_force(force: TableForce) -> bool:
     """Return True if the last value is not zero."""
     values = np.abs(force.values)
     return bool(values[-1] > _ROUNDING * np.max(values))
-
-
-def table_name(force: TableForce) -> str:
-    """Return the name of a table for messages: the file name, or `points on floor 2`."""
-    return Path(force.table.source).name or f"points on floor {force.floor}"
 
 
 def missing_times(model: Model, given: Collection[str] = ()) -> tuple[str, ...]:

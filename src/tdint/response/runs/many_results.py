@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,9 +19,9 @@ from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.history import (
     ELEMENT_FORCE,
-    HISTORIES,
     HISTORIES_OF_MANY,
     History,
+    values_of,
 )
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
@@ -69,7 +69,8 @@ class Runs(Tabular):
     stories : StoryPeaks
         Peaks of shape (runs, stories), SI units.
     history : mapping of str to ndarray, shape (runs, rows, stories)
-        Kept quantities of the histories, SI units; nan after the end of a run.
+        Kept quantities of the histories, SI units; nan after the end of a run. Arrays of
+        attachments and links have the columns of `devices`.
     every : int
         Number of time steps between two rows.
     failures : mapping of int to str
@@ -328,30 +329,31 @@ _ARRAYS_OF_RUNS = (
 """Attributes of `Runs` with arrays that have the run as their first axis."""
 
 
-def kept_quantities(history: bool | str | Sequence[str], elements: int) -> tuple[str, ...]:
+def kept_quantities(
+    history: bool | str | Sequence[str], width: Callable[[str], int]
+) -> tuple[str, ...]:
     """Return the names of the requested history quantities without duplicates; all for True.
 
-    `elements` is the largest number of elements of a building.
+    `width` returns the number of columns of a quantity.
 
     Raises
     ------
     UsageError
-        A quantity is unknown, or no building has elements.
+        A quantity is unknown, or no building has its elements, attachments or links.
     """
-    known = HISTORIES_OF_MANY if elements else HISTORIES
     if isinstance(history, bool | np.bool_):
-        return tuple(known) if history else ()
+        return tuple(filter(width, HISTORIES_OF_MANY)) if history else ()
     names = (history,) if isinstance(history, str) else tuple(history)
     for name in names:
-        if name == ELEMENT_FORCE and not elements:
-            raise UsageError(
-                f"history: {name} needs a building with several elements in a story (`elements`)"
-            )
-        if name not in known:
+        if name not in HISTORIES_OF_MANY:
             raise UsageError(
                 f"unknown quantity {name!r}{did_you_mean(str(name), HISTORIES_OF_MANY)} (known: "
                 f"{', '.join(HISTORIES_OF_MANY)})"
             )
+        if not width(name):
+            is_element = name == ELEMENT_FORCE
+            needed = "several elements in a story" if is_element else "attachments or links"
+            raise UsageError(f"history: {name} needs a building with {needed}")
     return tuple(dict.fromkeys(names))
 
 
@@ -359,7 +361,7 @@ def history_arrays(shapes: Mapping[str, tuple[int, int, int]], out: Any) -> Hist
     """Return the arrays for the histories: the arrays of the caller (`out`), or new arrays of nan.
 
     `shapes` contains for each quantity the number of runs, number of rows of the longest run, and
-    number of stories of the tallest building, or the largest number of elements.
+    number of columns (`RunsRequest.width`).
 
     Raises
     ------
@@ -461,7 +463,7 @@ class HistoryArrays(dict[str, NDArray[np.floating[Any]]]):
             if history is None:
                 array[number] = math.nan
             else:
-                self.store(number, name, getattr(history, name)[::every])
+                self.store(number, name, values_of(history, name)[::every])
 
     def joined(self) -> dict[str, NDArray[np.floating[Any]]]:
         """Return the arrays with the further rows of all runs."""

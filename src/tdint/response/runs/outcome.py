@@ -241,7 +241,11 @@ class Gradient(Tabular, StoryValues):
         Half the difference of the one-sided derivatives: rounding and curvature if the peak is
         smooth, the jump at a kink. An indication, not a bound.
     history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
-        Derivatives of the histories that were kept.
+        Derivatives of the histories that were kept, with the names of `run_many`.
+    devices : Gradient | None
+        Derivatives of the peaks of attachments and then links; None without.
+    axis : str
+        `story`, or `device` for attachments and links.
     by : str
         Method of differentiation.
     errors : StoryErrors | None
@@ -256,6 +260,8 @@ class Gradient(Tabular, StoryValues):
     history: dict[str, NDArray[np.floating[Any]]]
     by: str = "central differences"
     errors: StoryErrors | None = None
+    devices: "Gradient | None" = None
+    axis: str = "story"
 
     def _headline(self) -> str:
         parameters = f"of peaks by {pluralize(len(self.parameters), 'parameter')}: {self.by}"

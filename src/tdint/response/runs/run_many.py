@@ -35,7 +35,7 @@ from tdint.response.arguments import (
 from tdint.response.run_plan import RunsRequest, plan_runs
 from tdint.response.runs.batch import NO_MOTION, Subject, run_batch, samples_of
 from tdint.response.runs.gradient import differentiate
-from tdint.response.runs.history import ELEMENT_FORCE, HISTORIES_OF_MANY
+from tdint.response.runs.history import DEVICE, HISTORIES, HISTORIES_OF_MANY
 from tdint.response.runs.many_results import (
     HistoryArrays,
     Runs,
@@ -155,9 +155,10 @@ def run_many(
     history : bool, str or sequence of str
         Quantities to keep at each time step: `displacement`, `velocity` (relative to the ground)
         and `absolute_acceleration` of the floors; `drift`, `shear`, `damper_force` and
-        `total_shear` of the stories, and `element_force` of stories with several elements (arrays
-        over the elements, in the order of `History.element_labels`). True keeps all quantities. As
-        in `run`, a history has all rows
+        `total_shear` of the stories, `element_force` of stories with several elements (arrays over
+        the elements, in the order of `History.element_labels`), and `device_drift` and the other
+        fields of `History.devices` of attachments and then links. True keeps all quantities. As in
+        `run`, a history has all rows
         to the end of the run, which continues after the record while a peak could grow
         (`Runs.record_rows` is the number of rows up to the end of the record).
     every : int, default 1
@@ -195,10 +196,11 @@ def run_many(
         After an interrupt (Ctrl-C), return the completed runs; the status of the other runs is
         `interrupted`. The result is empty if no run was planned before the interrupt.
     gradient : str or sequence of str
-        Names as in `vary`: parameters for derivatives of the peaks, and of the histories that are
-        kept, of each run at its sample (`Runs.gradient`); factors have the value 1. Each name
-        needs two additional runs per run. With `check`, an additional set of runs with half the
-        time step estimates the errors of the derivatives (`Gradient.errors`).
+        Names as in `vary`: parameters for derivatives of the peaks, also of attachments and links,
+        and of the histories that are kept, of each run at its sample (`Runs.gradient`); factors
+        have the value 1. Each name needs two additional runs per run. With `check`, an additional
+        set of runs with half the time step estimates the errors of the derivatives
+        (`Gradient.errors`).
     errors : str, default "raise"
         `raise`, or `keep`: a sample that is out of range keeps its row without values, with the
         status `out-of-range`.
@@ -245,9 +247,8 @@ def run_many(
     if names and plan:
         try:
             integrate = functools.partial(integrated, threads=threads)
-            derivatives = differentiate(
-                request, plan, runs.stories, runs.history, every, names, integrate
-            )
+            peaks = runs.stories, runs.devices
+            derivatives = differentiate(request, plan, peaks, runs.history, every, names, integrate)
         except KeyboardInterrupt:
             if not partial:
                 raise
@@ -301,7 +302,7 @@ def _requested(
     # has checked every pair of building and sample. With `raise`, it checks all samples.
     invalid = request.out_of_range() if errors == "keep" else {}
     plan = plan_runs(request, scales, zip_records, {draw for _, draw in invalid})
-    quantities_kept = kept_quantities(history, request.elements)
+    quantities_kept = kept_quantities(history, request.width)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
     threads = processors() if jobs is None else jobs
@@ -447,8 +448,7 @@ def _empty_result(
     the arrays `out` of the caller (`history_arrays`) if there are any.
     """
     most_steps = max((run.steps.count for run in plan), default=0)
-    widths = {name: request.elements if name == ELEMENT_FORCE else request.stories for name in kept}
-    shapes = {name: (len(plan), most_steps // every + 1, width) for name, width in widths.items()}
+    shapes = {name: (len(plan), most_steps // every + 1, request.width(name)) for name in kept}
     peaks, errors, corrected = (
         {
             field.name: np.full((len(plan), request.stories), math.nan)
@@ -456,7 +456,7 @@ def _empty_result(
         }
         for value_class in (StoryPeaks, StoryErrors, StoryErrors)
     )
-    attached = max((len(subject.model.devices) for subject in request.subjects), default=0)
+    attached = request.width(DEVICE)
     devices = {field.name: np.full((len(plan), attached), math.nan) for field in fields(StoryPeaks)}
     return Runs(
         models=tuple(subject.model for subject in request.subjects),
@@ -557,11 +557,12 @@ def _history_writer(
     histories = _histories(result)
 
     def on_history(i: int, rows: Array) -> None:
-        """Write the history of run `i`, without attachments and links."""
+        """Write the history of run `i`."""
         time = result.every * h * np.arange(len(rows), dtype=np.float64)
         for name, compute in targets:
-            width = building.elements if name == ELEMENT_FORCE else n
-            values = compute(building, loads, time, rows)[:, :width]
+            values = compute(building, loads, time, rows)
+            if name in HISTORIES:  # with columns of attachments and links
+                values = values[:, :n]
             histories.store(runs[i].number, name, values)
 
     return on_history

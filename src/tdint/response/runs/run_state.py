@@ -12,17 +12,35 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import UsageError
 from tdint.kernels import layout as rows
-from tdint.kernels.time_loop.observer import store
+from tdint.kernels.stepping import Scene, Span
+from tdint.kernels.stories.impact import damping_slope
+from tdint.kernels.stories.law_state import (
+    commit,
+    restoring_force,
+    resume,
+    store_step_start,
+    tangent_in_motion,
+)
+from tdint.kernels.stories.law_tables import law_state_table
+from tdint.kernels.time_loop.observer import (
+    initialize_laws,
+    observe,
+    store,
+    store_previous,
+    sum_law_energies,
+)
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import MOMENT, TOTAL_BASE_MOMENT, Workspace, history_width
 from tdint.model.building import Building
+from tdint.response.arguments import finite_numbers, one_line
 from tdint.tabular import Described
 
 if TYPE_CHECKING:
     from tdint.response.runs.history import History
+    from tdint.response.runs.linear_loop import LinearLoop
 
 _CHANGED = (
     "state",
@@ -103,9 +121,117 @@ class RunState(Described):
 
     def _row(self, row: int) -> Array:
         """Return a row of the state of the floors. A change of the array raises ValueError."""
-        values = self.space.state[row, : self.building.floors]
-        values.flags.writeable = False
-        return values
+        return _read_only(self.space.state[row, : self.building.floors])
+
+    @property
+    def laws(self) -> Array:
+        """Variables of the hysteresis models, read-only: a column for each story, attachment and
+        link, a column of zeros, and columns of elements.
+
+        The first rows are drift (m), force (N), the internal variable (the force z of `bilinear`
+        and `bouc-wen`, N) and dissipated energy (J). `tdint.kernels.layout` describes the others,
+        which belong to laws with branches.
+        """
+        return _read_only(self.space.law_state[:])
+
+    def replace(
+        self,
+        displacement: Numbers | None = None,
+        velocity: Numbers | None = None,
+        laws: Numbers | None = None,
+    ) -> RunState:
+        """Return the state with other displacements, velocities or variables of the laws, such as a
+        particle or a corrected estimate of a filter.
+
+        Each law moves on a straight line from the drift of its variables to its new drift, as in a
+        time step. Accelerations follow from equilibrium. Energies and peaks start anew, and forces
+        of braces remain.
+
+        Parameters
+        ----------
+        displacement, velocity : sequence of float, optional
+            Values relative to the ground of each floor, or of each floor and then each attachment,
+            m and m/s; by default unchanged.
+        laws : array of float, optional
+            Variables in the form of the attribute `laws`. The force is computed again if drift and
+            internal variable determine it. By default, the present variables.
+
+        Raises
+        ------
+        UsageError
+            A value is not a finite number, a shape differs, or the variables contradict a law.
+        """
+        building, space = self.building, copy_of(self.space)
+        motions = {"displacement": displacement, "velocity": velocity}
+        for row, (name, replaced) in enumerate(motions.items()):  # DISPLACEMENT, VELOCITY
+            if replaced is not None:
+                given, floors = values_of_floors(name, replaced, building), building.floors
+                loaded = floors + len(building.attachments)
+                values = [*given, *space.state[row, given.size : loaded]]
+                space.state[row, :-1] = building.initial_values(values[:floors], values[floors:])
+        if laws is not None:
+            self._set_laws(space, laws)
+        if building.uses_matrices:
+            self._linear_loop(space).start_again(self.steps, self.ground_acceleration)
+        else:
+            self._start_again(space)
+        restart(space, building)
+        return replace(self, space=space)
+
+    def _set_laws(self, space: Workspace, laws: Numbers) -> None:
+        """Set the variables of the laws, and check that each law keeps its internal variable at its
+        drift."""
+        given, state = np.asarray(laws), space.law_state
+        if self.building.uses_matrices or not self.steps or given.shape != state.shape:
+            raise UsageError(
+                f"laws must contain numbers in the shape {state.shape} of the attribute laws, "
+                f"after the first step of a model without matrices, got {one_line(laws)}"
+            )
+        state[...] = given
+        for story, drift in enumerate(state[rows.DRIFT, : self.building.stories].tolist()):
+            move_law(self.building.law_parameters, state, story, drift)
+        found, expected = state[rows.INTERNAL], given[rows.INTERNAL]
+        is_kept = np.isclose(found, expected, rtol=1e-9, atol=0.0)
+        is_kept &= np.isfinite(state[rows.FORCE])
+        if not is_kept.all():
+            column = int(is_kept.argmin())
+            raise UsageError(
+                f"laws: the variables of column {column + 1} contradict its law, which changes the "
+                f"internal variable {expected[column]:.6g} to {found[column]:.6g}"
+            )
+
+    @np.errstate(all="ignore")  # as in a compiled kernel
+    def _start_again(self, space: Workspace) -> None:
+        """Compute the laws, accelerations and energies of other displacements and velocities, at
+        the start from rest. The functions of the kernels run in Python."""
+        building, ground = self.building, self.ground_acceleration
+        parameters, law_state, state = building.law_parameters, space.law_state, space.state
+        scene = Scene(building.linear_terms, building.modal, parameters, space.forces, space.flags)
+        if not self.steps:
+            law_state[...] = law_state_table(parameters)
+            space.totals[rows.INITIAL_DISSIPATION] = 0.0
+            initialize_laws.function(*scene, *space.memory)
+        for story, (drift, rate) in enumerate(building.drifts(state[:2]).T.tolist()):
+            move_law(parameters, law_state, story, drift)
+            if coefficient := building.linear_terms[rows.TANGENT_DAMPING, story]:
+                slope = tangent_in_motion(parameters, law_state, story, rate)
+                slope = damping_slope(parameters, law_state, story, rows.COMMITTED, slope)
+                state[[rows.DAMPING_FORCE, rows.DAMPING_STATE], story] = coefficient * slope * rate
+        span = Span(self.time, 0.0, ground, ground, False, False, False, False)
+        observe(scene, span, 0.0, space.memory, space.seen)
+        store_previous(state, space.observer_state, building.stories)
+        store_step_start(space.flags, law_state)
+        state[rows.ACCELERATION] = space.observer_state[rows.OBSERVED_ACCELERATION]
+        # Methods of several steps start again.
+        space.step_status[:] = 0.0
+        space.step_status[rows.STATE_GROUND] = ground
+        sum_law_energies.function(*scene, *space.memory, *space.seen)
+
+    def _linear_loop(self, space: Workspace) -> LinearLoop:
+        """Return the loop of matrices for a single state."""
+        from tdint.response.runs.linear_loop import LinearLoop  # few models have matrices
+
+        return LinearLoop(self.building, self.loads, self.dt, np.zeros(1), space)
 
     @cached_property
     def history(self) -> History:
@@ -115,9 +241,7 @@ class RunState(Described):
         space = replace(self.space, history=np.zeros((1, history_width(self.building))))
         space.rows_before = self.steps
         if self.building.uses_matrices:
-            from tdint.response.runs.linear_loop import LinearLoop  # few models have matrices
-
-            loop = LinearLoop(self.building, self.loads, self.dt, np.zeros(1), space)
+            loop = self._linear_loop(space)
             space.history[0] = loop.state_row(self.steps, self.ground_acceleration)
         else:
             store_first_row(space, self.ground_acceleration)
@@ -166,6 +290,33 @@ class RunState(Described):
 
 
 _MATRICES = ("mass", "stiffness", "damping", "loaded_mass", "influence")
+
+
+def _read_only(values: Array) -> Array:
+    """Return an array whose change raises ValueError."""
+    values.flags.writeable = False
+    return values
+
+
+def values_of_floors(name: str, values: object, building: Building) -> Array:
+    """Return finite numbers, one for each floor, or for each floor and then each attachment; raise
+    UsageError otherwise."""
+    floors, masses = building.floors, building.floors + len(building.attachments)
+    given = finite_numbers(values)
+    if given is None or given.shape not in ((floors,), (masses,)):
+        more = f", or {masses}, also for each attachment" if masses > floors else ""
+        raise UsageError(
+            f"{name} must contain {floors} finite numbers, one for each floor{more}, got "
+            f"{one_line(values)}"
+        )
+    return given
+
+
+def move_law(law_parameters: Array, law_state: Array, story: int, drift: float) -> None:
+    """Move the law of a story on a straight line to a drift, m."""
+    restoring_force(law_parameters, law_state, story, rows.COMMITTED, rows.FIRST_TRIAL, drift)
+    commit(law_parameters, law_state, story, rows.COMMITTED, rows.FIRST_TRIAL)
+    resume(law_parameters, law_state, story)
 
 
 def store_first_row(space: Workspace, ground: float) -> None:

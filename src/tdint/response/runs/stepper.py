@@ -10,9 +10,11 @@ import numpy as np
 from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
-from tdint.response.arguments import AnyModel, finite_numbers, number_of
+from tdint.methods.workspace import Workspace
+from tdint.response.arguments import AnyModel, finite_numbers, number_of, one_line
+from tdint.response.runs.prepared import Loop
 from tdint.response.runs.run import prepare
-from tdint.response.runs.run_state import RunState, copy_of
+from tdint.response.runs.run_state import RunState, copy_of, restore, values_of_floors
 from tdint.response.time_steps import Steps
 from tdint.tabular import Described
 
@@ -81,19 +83,52 @@ class Stepper(Described):
         """State after the last step; later steps do not change it."""
         space = copy_of(self._space)
         if not self._count:  # a call without steps computes the accelerations at the start
-            loop = self._prepared.loop(self._case.method, self._steps.h, self._ground, space)
-            loop(self._steps, 0, 0)
-        prepared = replace(self._prepared, forces=space.forces[:, : rows.FORCE_COLUMNS])
-        case = replace(self._case, prepared=prepared)
+            self._loop_of(space)(self._steps, 0, 0)
+        forces = self._prepared.forces.copy()
+        forces[:, rows.POINTS] = space.forces[:, rows.POINTS]
+        case = replace(self._case, prepared=replace(self._prepared, forces=forces))
         return case.state(space, self._steps.h, self._count, float(self._ground[self._count]))
 
-    def reset(self) -> None:
-        """Return to the initial motion of the model, with the ground at rest and without floor
-        forces."""
-        self._prepared = self._case.prepared
-        self._space = self._prepared.loaded_arrays(self._case.method, self._steps.h)
-        self._ground, self._count = np.zeros(_FIRST_SAMPLES), 0
+    def reset(self, state: RunState | None = None) -> None:
+        """Continue from a state, or from the initial motion of the model, with the ground at rest
+        and without floor forces.
+
+        Parameters
+        ----------
+        state : RunState, optional
+            State of this building, method and time step, also after steps with floor forces.
+
+        Raises
+        ------
+        UsageError
+            The state is of another building, method or time step.
+        """
+        prepared = self._case.prepared
+        if state is not None:
+            forces, points = state.loads
+            own = forces[: len(prepared.forces)], points[: prepared.points.size]
+            replace(state, loads=own).require_same(
+                prepared.building, prepared.loads, self._case.method
+            )
+            if state.dt != self._steps.h:
+                raise UsageError(
+                    f"reset: the state has dt {state.dt:.6g} s, the stepper {self._steps.h:.6g} s; "
+                    "use equal time steps"
+                )
+            first = state.space.state[: rows.VELOCITY + 1, :-1]
+            prepared = replace(
+                prepared, displacement=first[0], velocity=first[1], forces=forces, points=points
+            )
+        self._prepared = prepared
         self._table: Array | None = None
+        self._space = prepared.loaded_arrays(self._case.method, self._steps.h)
+        self._count = state.steps if state else 0
+        self._ground = np.zeros(self._count + _FIRST_SAMPLES)
+        if state and self._count:
+            restore(self._space, state.space)
+            self._ground[self._count] = state.ground_acceleration
+        if prepared.points.size > self._case.prepared.points.size:
+            self._extend_table(0)
         self._bind()
 
     def copy(self) -> Stepper:
@@ -121,7 +156,9 @@ class Stepper(Described):
             self._extend_table(0)
         self._bind()
 
-    def step(self, ground_acceleration: float, floor_forces: Numbers | None = None) -> None:
+    def step(
+        self, ground_acceleration: float | Numbers, floor_forces: Numbers | None = None
+    ) -> None:
         """Integrate one time step.
 
         Ground acceleration and forces are linear within the step, from the values of the previous
@@ -151,7 +188,7 @@ class Stepper(Described):
             if given is None or given.size != 1:
                 raise UsageError(
                     "step: ground_acceleration must be a finite number, got "
-                    f"{ground_acceleration!r:.60}"
+                    f"{one_line(ground_acceleration)}"
                 )
             acceleration = given.item()
         if floor_forces is not None or self._table is not None:
@@ -175,27 +212,24 @@ class Stepper(Described):
 
     def _bind(self) -> None:
         """Bind the time loop to the present arrays."""
-        self._loop = self._prepared.loop(
-            self._case.method, self._steps.h, self._ground, self._space, is_stepped=True
-        )
+        self._loop = self._loop_of(self._space)
+
+    def _loop_of(self, space: Workspace) -> Loop:
+        """Return the time loop for the arrays of a time integration."""
+        method, h = self._case.method, self._steps.h
+        return self._prepared.loop(method, h, self._ground, space, is_stepped=True)
 
     def _set_forces(self, floor_forces: Numbers | None) -> None:
         """Append the forces at the end of the next step to the table of the floors."""
         building = self._prepared.building
-        floors, loaded = building.floors, building.floors + len(building.attachments)
-        given = np.zeros(floors) if floor_forces is None else finite_numbers(floor_forces)
-        if given is None or given.shape not in ((floors,), (loaded,)):
-            more = f", or {loaded}, also for each attachment" if loaded > floors else ""
-            raise UsageError(
-                f"step: floor_forces must contain {floors} finite numbers, one for each "
-                f"floor{more}, got {floor_forces!r:.60}"
-            )
-        values = np.zeros(loaded)
-        values[: given.size] = given
+        values = np.zeros(building.floors + len(building.attachments))
+        if floor_forces is not None:
+            given = values_of_floors("step: floor_forces", floor_forces, building)
+            values[: given.size] = given
         if self._table is None:
-            self._add_table(loaded)
+            self._add_table(values.size)
         assert self._table is not None
-        forces = self._space.forces[-loaded:]
+        forces = self._space.forces[-values.size :]
         point = int(forces[0, rows.POINTS])
         if point == len(self._table):
             self._extend_table(point)

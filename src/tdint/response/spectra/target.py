@@ -357,6 +357,11 @@ def read_target(source: str) -> TargetSpectrum:
         CSV file with a column of periods (`period_s`, `T (s)`) and a column of accelerations
         (`sa_g`, `psa_m_s2`, `Sa (g)`).
 
+    Returns
+    -------
+    TargetSpectrum
+        `at(periods)` evaluates it.
+
     Raises
     ------
     ModelError

@@ -29,7 +29,7 @@ from tdint.model.building import (
 )
 from tdint.model.definition import Model
 from tdint.number_parsing import pluralize
-from tdint.response.arguments import AnyModel, drift_of, finite_numbers, model_of
+from tdint.response.arguments import AnyModel, drift_of, finite_numbers, model_of, one_line
 from tdint.tabular import Tabular
 from tdint.units import DriftSize
 
@@ -237,6 +237,11 @@ def cyclic_test(
     AnalysisError
         The law has no finite force along the path.
     """
+    if isinstance(sizes, str) or not len(sizes) or min(cycles, points) < 1:
+        raise UsageError(
+            "sizes must be a sequence of amplitudes, such as ['1%', '20mm', '4dy'], cycles and "
+            f"points at least 1, got {one_line(sizes)}, {cycles} and {points}"
+        )
     model = _with_tested_element(model_of(model), story, element)
     if len(sizes) * cycles * 4 * points > MAX_CYCLE_POINTS:
         raise UsageError(

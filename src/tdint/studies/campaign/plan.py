@@ -441,8 +441,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     notes += cut_off((motion.record for motion in motions.motions), shortest_duration)
     for motion in motions.motions:
         if isinstance(motion.record, LoadCase) and inputs.models:
-            loads = motion.record.on(inputs.models[0]).excitation.tables
-            notes += table_notes(loads, shortest_duration)
+            notes += table_notes(motion.record.on(inputs.models[0]), shortest_duration)
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     depends_on_residual = damage and any(
         "residual" in states.demand for states in damage.types.values()

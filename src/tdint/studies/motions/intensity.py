@@ -21,6 +21,7 @@ from tdint.grids import Grid
 from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
+from tdint.response.arguments import AnyMotion, motion_of
 from tdint.response.spectra.elastic import SA_DAMPING, spectrum
 from tdint.response.spectra.rotated import rotated_spectrum
 
@@ -241,6 +242,43 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
         motion_measures = (known for known in scalable_measures() if known not in SPECTRAL)
         known_names = (*motion_measures, "sa(T)", "sa-avg(T) with T in s")
         raise unknown_measure(name, known_names) from None
+
+
+def intensity(
+    motion: AnyMotion, measure: str, *, damping: float = SA_DAMPING, pairs: str = GEOMETRIC_MEAN
+) -> float:
+    """Return an intensity measure of a ground motion.
+
+    Parameters
+    ----------
+    motion : Record, Horizontals, str, Path, ObsPy trace, or pair of these
+        Record in any form that `run` accepts, or both components of a motion.
+    measure : str
+        `sa(1.0)` or `sa-avg(1.0)` with a period in s, `pga`, `pgv`, `pgd`, `arias`, `cav`, `cav5`,
+        `d5-75`, `d5-95`, or a measure of a plug-in.
+    damping : float
+        Damping ratio of spectral measures; default 5 %.
+    pairs : str
+        Combination of two components: `geometric-mean` (default), `rotd50`, `rotd100`, `larger` or
+        `srss`.
+
+    Returns
+    -------
+    float
+        Intensity in SI units, such as m/s^2 of `sa`, m/s of `arias` and `cav`, s of durations.
+
+    Raises
+    ------
+    UsageError
+        The measure or the combination is unknown, or a number is out of range.
+    RecordError
+        The motion is invalid or zero.
+    AnalysisError
+        A period is too short for the record.
+    """
+    name = measure.strip()
+    chosen = MotionIntensity(name) if name in MEASURES else measure_of(name, damping)
+    return chosen.of(motion_of(motion), pairs)
 
 
 def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageError:
