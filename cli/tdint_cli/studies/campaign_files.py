@@ -20,6 +20,7 @@ from tdint.output.printed import PRINTED, parse_style
 from tdint.output.run_summary import LIMIT_MEANINGS
 from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs, stored_summary
 from tdint.output.tables.table import Table
+from tdint.response.pairs import PairRule, check_pairs
 from tdint.response.runs.outcome import FAILED
 from tdint.studies.campaign.campaign_summary import campaign_summary, without_error
 from tdint.studies.campaign.execute import Advance, Engine, Shard, execute_plan, reuse_results
@@ -32,7 +33,6 @@ from tdint.studies.campaign.story_profiles import (
 )
 from tdint.studies.fragility.building_damage import has_losses
 from tdint.studies.fragility.measures import measured, run_measure
-from tdint.studies.motions.pairs import PairRule, check_pairs
 from tdint.studies.regions import maps as map_tables
 from tdint.studies.store import schema
 from tdint.studies.store.opening import open_replacement, open_store, write_from_store

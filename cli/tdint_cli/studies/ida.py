@@ -360,7 +360,7 @@ def _page(
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
     """Report the pairs of components and their treatment."""
-    from tdint.studies.motions.pairs import PairRule
+    from tdint.response.pairs import PairRule
 
     if study.partners:
         files = [curve.record.source for curve in study.states[0].curves]

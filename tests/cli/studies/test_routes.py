@@ -2,10 +2,12 @@
 others, functions by building, incremental dynamic analyses, shards and numbers of jobs."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tdint as package
 from csv_rows import rows
 from peer_files import write_at2
 
@@ -133,6 +135,47 @@ def test_stripes_of_a_campaign_of_counts_and_of_an_ida(folder, tdint, components
     tdint("campaign", "study.yaml", "-o", "one", code=0)
     (other,) = [row for row in rows(folder / "one" / "runs.csv") if "STA3010" in row["record"]]
     assert numbers(other, "peak_drift_ratio") == pytest.approx(numbers(run, "peak_drift_ratio"))
+
+
+@pytest.mark.parametrize("demand", ["larger", "mean", "separate"])
+def test_limits_of_pairs(folder, tdint, demand):
+    """The mean demand that is compared with a limit has one value in Python, in a run of several
+    records and in a campaign: that of the components, combined here."""
+    write_study(folder, 2, pairs=3)
+    write_campaign(folder, "intensity: {scales: [0.5]}")
+    files = sorted(map(str, Path("records").iterdir()))
+    records = [package.read_record(file).scaled(0.5) for file in files]
+    drifts = [
+        package.run("frame.yaml", record, check=False).stories.peak_drift_ratio
+        for record in records
+    ]
+    pairs = np.reshape(drifts, (3, 2))
+    combined = {"larger": pairs.max(axis=1), "mean": pairs.mean(axis=1), "separate": pairs}[demand]
+    ((check,),) = (
+        package.run_many("frame.yaml", files, scales=0.5).limit_checks(0.02, demand).values()
+    )
+    assert check.demand == pytest.approx(np.mean(combined), rel=1e-12)
+    assert (check.largest, check.motions) == (np.max(combined), np.size(combined))
+    number = np.argmax(combined) + 1
+    if demand != "separate":
+        assert check.motion == f"records/RSN{number}_STA{number}010+100.AT2"
+    rule = ("--pair-demand", demand)
+    tdint("run", "frame.yaml", "records", "--scale", "0.5", *rule, "-o", "many", code=0)
+    text = (
+        (folder / "study.yaml")
+        .read_text()
+        .replace("[records]", f"[records], pair_demand: {demand}")
+    )
+    (folder / "study.yaml").write_text(text)
+    tdint("campaign", "study.yaml", "-o", "out", code=0)
+    for name in ("many", "out"):
+        (row,) = [
+            row
+            for row in rows(folder / name / "profiles.csv")
+            if row["quantity"] == "peak_drift_ratio"
+        ]
+        assert numbers(row, "mean") == [pytest.approx(check.demand, rel=1e-9)]
+        assert int(row["runs"]) == check.motions
 
 
 def test_shards_and_jobs(folder, tdint):

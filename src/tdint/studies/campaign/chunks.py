@@ -28,6 +28,7 @@ from tdint.output.tables.devices import device_rows
 from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.table import Cell, joined_rows
+from tdint.response.pairs import Place, Run
 from tdint.response.runs.batch import Subject, run_batch
 from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import attempt
@@ -80,42 +81,6 @@ class Source(Protocol):
 
     def subject(self) -> Subject:
         """Return the building with its time integration method."""
-
-
-class Run(NamedTuple):
-    """Run of a building.
-
-    Attributes
-    ----------
-    motion : int
-        Number of the ground motion in the campaign.
-    scale : float
-        Scale factor of the ground motion; a negative factor reverses its direction.
-    sample : int
-        Number of the random sample of the building's parameters; 0: the building as specified.
-    """
-
-    motion: int
-    scale: float
-    sample: int = 0
-
-
-class Place(NamedTuple):
-    """Place of a run in the suite of its building.
-
-    Attributes
-    ----------
-    motion : str
-        Name of the ground motion of the run at its level. The components of a recording with equal
-        factors have the same name, the number of the recording from 1. If a recording has several
-        factors at a level, each is a motion: `4-1`, `4-2`.
-    level : float
-        Level: value of the intensity measure (SI units), common scale factor, or number of the
-        level. NaN if all motions are one suite with individual factors.
-    """
-
-    motion: str = ""
-    level: float = math.nan
 
 
 class BuildingRuns(NamedTuple):

@@ -36,6 +36,7 @@ from tdint.model.damage_states import DamageStates
 from tdint.model.status import DONE, FALLEN, NO_RESULT
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.summary import stored_summary
+from tdint.response import pairs
 from tdint.response.arguments import between, numbers_of
 from tdint.response.runs.damage import exceedance
 from tdint.studies.fragility import building_damage, measures
@@ -52,7 +53,6 @@ from tdint.studies.fragility.fragility_function import (
     extrapolated,
     levels_of,
 )
-from tdint.studies.motions import pairs
 from tdint.studies.store.opening import check_chunks, open_existing
 from tdint.tabular import Tabular
 
@@ -84,7 +84,7 @@ class FragilityRequest:
     states : tuple of str
         Names of the states of the thresholds in ascending order; default ds1, ds2, ...
     pair_demand : str | None
-        Rule of `tdint.studies.motions.pairs`; default is the rule of the study in the same
+        Rule of `tdint.response.pairs`; default is the rule of the study in the same
         directory, otherwise the larger demand.
     """
 

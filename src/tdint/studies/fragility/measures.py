@@ -39,19 +39,12 @@ from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import parse_ratio
 from tdint.output.tables.table import Cell
-from tdint.response.spectra.elastic import SA_DAMPING, spectrum
-from tdint.response.spectra.inelastic import constant_strength
-from tdint.studies.campaign.chunks import Run
-from tdint.studies.campaign.plan import Plan
-from tdint.studies.campaign.story_profiles import level_measure
-from tdint.studies.fragility.building_damage import BuildingDamage
-from tdint.studies.fragility.fragility_function import JACKKNIFE, Fragility
-from tdint.studies.motions import intensity
-from tdint.studies.motions.pairs import (
+from tdint.response.pairs import (
     LARGER,
     SEPARATE,
     Indices,
     PairRule,
+    Run,
     demands_of_motions,
     first_runs,
     geometric_means,
@@ -61,6 +54,13 @@ from tdint.studies.motions.pairs import (
     recording_numbers,
     with_outcomes,
 )
+from tdint.response.spectra.elastic import SA_DAMPING, spectrum
+from tdint.response.spectra.inelastic import constant_strength
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.campaign.story_profiles import level_measure
+from tdint.studies.fragility.building_damage import BuildingDamage
+from tdint.studies.fragility.fragility_function import JACKKNIFE, Fragility
+from tdint.studies.motions import intensity
 from tdint.studies.store.opening import open_existing
 from tdint.studies.store.result_store import FILE, Store
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
