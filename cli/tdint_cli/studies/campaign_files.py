@@ -208,6 +208,11 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     for option, is_requested in needs_stories.items():
         if is_requested and not plan.settings.keeps_stories:
             raise AnalysisError(f"{option}: {NOT_STORED}")
+    if request.floor_request.floors and any(model.across for model in plan.models):
+        raise UsageError(
+            "--floor-spectra of a campaign requires one direction; use `tdint run` for each ground "
+            "motion"
+        )
     if request.baseline is not None:
         names = (building.name for building in plan.buildings)
         check_baseline(request.baseline, names, plan.own_periods)

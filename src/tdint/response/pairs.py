@@ -26,7 +26,7 @@ import math
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -261,6 +261,23 @@ def _recordings(
     return result
 
 
+def common_axis(models: Sequence[Model], source: str) -> float | None:
+    """Return the azimuth of axis x of buildings in two directions, degrees; None if unknown.
+
+    Raises
+    ------
+    UsageError
+        A building has one direction, or the azimuths of the buildings differ.
+    """
+    axes = {model.axis_azimuth for model in models}
+    if len(axes) > 1 or not all(model.across for model in models):
+        raise UsageError(
+            f"{source}: buildings with one and with two directions, or with different azimuths of "
+            "axis x, cannot have the same ground motions; analyze each of them separately"
+        )
+    return axes.pop()
+
+
 def motions_along_axes(
     motions: Sequence[SuiteMotion], models: Sequence[Model], source: str, demand: str | None
 ) -> tuple[SuiteMotion, ...]:
@@ -281,12 +298,7 @@ def motions_along_axes(
             f"{source}: pair_demand {demand} cannot be used with two directions; use {LARGER}, or "
             "omit it for resultants"
         )
-    axes = {model.axis_azimuth for model in models}
-    if len(axes) > 1 or not all(model.across for model in models):
-        raise UsageError(
-            f"{source}: buildings with one and with two directions, or with different azimuths of "
-            "axis x, cannot have the same ground motions; use a campaign for each of them"
-        )
+    axis = common_axis(models, source)
     along = []
     for pair in {id(motion): motion for motion in recordings_of(motions)}.values():
         if not isinstance(pair, horizontals.Horizontals):
@@ -294,7 +306,7 @@ def motions_along_axes(
                 f"{pair.source}: buildings with two directions require both horizontal components; "
                 f"the second component of {pair.name} was not found"
             )
-        record = replace(along_axes(pair, *axes), larger=demand == LARGER)
+        record = along_axes(pair, axis, larger=demand == LARGER)
         along.append(SuiteMotion(record, pair.source, pair.component, pair))
     return tuple(along)
 

@@ -552,11 +552,9 @@ def integrate_directions(
     FailedRun
         A direction failed.
     """
-    assert case.across is not None
-    cases = [replace(case, across=None), case.across]
     _check_durations(case, settings)
     run = partial(integrate, history=True, history_errors=settings.check)
-    responses = [run(part, settings, tolerance=tolerance) for part in cases]
+    responses = [run(part, settings, tolerance=tolerance) for part in case.directions]
     # The building is at rest if both directions are; the second may be run again below.
     rests = [response.time_at_rest for response in responses]
     note: tuple[str, ...] = ()
@@ -566,7 +564,7 @@ def integrate_directions(
         settings = replace(settings, dt=h)
         responses = [
             response if response.dt == h else run(part, settings)
-            for part, response in zip(cases, responses, strict=True)
+            for part, response in zip(case.directions, responses, strict=True)
         ]
     # Both directions end together: at the first collapse that ends a run, or at the later end.
     ended = [item.steps for item in responses if item.collapse and item.collapse.ended]
@@ -575,7 +573,7 @@ def integrate_directions(
     end = replace(settings, dt=dt, duration=steps * dt, until_rest=False)
     responses = [
         response if response.steps == steps else run(part, end)
-        for part, response in zip(cases, responses, strict=True)
+        for part, response in zip(case.directions, responses, strict=True)
     ]
     record = case.record if isinstance(case.record, PairRecord) else None
     response = combined(responses, record)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 
 from tdint.errors import AnalysisError
-from tdint.ground_motion.axes import intensity_of
+from tdint.ground_motion.axes import intensity_of, pga_of
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.output.tables.devices import device_rows
@@ -218,7 +218,7 @@ def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list
     order: number, start time (s), peak ground acceleration (m/s^2), and demands."""
     # The peaks of an event have one run on their first axis, so there is one dictionary of demands.
     return [
-        PartRow(building, *run, (number, event.start, event.record.pga, *demands.values()))
+        PartRow(building, *run, (number, event.start, pga_of(event.record), *demands.values()))
         for number, event in enumerate(events, start=1)
         for demands in demand_cells(event.stories)
     ]
@@ -300,7 +300,7 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
     def strongest_pga(motion: int) -> float:
         """Return the PGA of a motion at its maximum scale factor, m/s^2."""
         strongest_run = runs_by_motion[motion][-1]
-        return abs(strongest_run.scale) * records[motion].pga
+        return abs(strongest_run.scale) * pga_of(records[motion])
 
     motions_by_pga = sorted(runs_by_motion, key=strongest_pga)
     rounds = zip_longest(
@@ -545,7 +545,7 @@ class Batch:
         values |= {
             "dt": job.steps.h,
             "status": status,
-            "pga": self.motions[job.run.motion].pga * factor,
+            "pga": pga_of(self.motions[job.run.motion]) * factor,
             "sa_t1": None if spectral is None else spectral * factor,
             "repeats": job.repeats,
         }

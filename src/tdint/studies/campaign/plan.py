@@ -380,7 +380,7 @@ def _samples(record: Record) -> int:
     """Return the number of samples of a record, or of rows of the table of a load case."""
     if isinstance(record, LoadCase):
         return int(record.loads[0].table.times.size)
-    return record.acceleration.size
+    return record.samples
 
 
 def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:

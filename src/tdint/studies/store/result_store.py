@@ -21,7 +21,7 @@ import numpy as np
 from tdint.arrays import Array, cached_property
 from tdint.errors import OutputError
 from tdint.files import digest_of, is_file
-from tdint.ground_motion.axes import intensity_of
+from tdint.ground_motion.axes import intensity_of, pga_of
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.output.tables.runs import si_units_of
@@ -884,9 +884,8 @@ def create_tables(store: Store, identity: Identity) -> None:
     for number, motion in enumerate(identity.motions):
         record, values = motion.record, (0.0, 0, 0.0, 0.0)
         if not isinstance(record, LoadCase):
-            count = record.acceleration.size
             pgv = float(intensity_of(record, lambda part: measure(part).pgv))
-            values = (record.dt, count, record.pga, pgv)
+            values = (record.dt, record.samples, pga_of(record), pgv)
         names = stored_text(motion.name), stored_text(motion.component)
         records.append((number, *names, motion.direction, *values, record.digest))
     with transaction(store.connection, store.name):
