@@ -159,7 +159,10 @@ def along_axes(pair: Horizontals, axis: float | None = None, *, larger: bool = F
     turns = [(angle - axis) % 360.0 for angle in angles]
     if turns == [0.0, 90.0]:
         return PairRecord(first, second, larger=larger)
-    directions = [[math.cos(math.radians(turn)), math.sin(math.radians(turn))] for turn in turns]
+    directions = np.array([(math.cos(turn), math.sin(turn)) for turn in map(math.radians, turns)])
+    # A turn by right angles exchanges the components without rounding.
+    is_right = np.remainder(turns, 90.0) == 0.0
+    directions[is_right] = np.rint(directions[is_right])
     # Each component is the projection of the motion on its direction, also if the directions are
     # not exactly at right angles.
     samples = np.linalg.solve(directions, [first.acceleration, second.acceleration])

@@ -328,6 +328,11 @@ def resultants_of(responses: Sequence[outcome.Response], rows: int) -> outcome.R
         error = np.hypot(*(_error(run, name, peak_name, row) for run in responses))
         if name in others:
             error = np.maximum(error, extrapolated(value, others[name], value, by))
+        # A resultant that is the peak of one direction has the error of this peak: a component at
+        # right angles that is zero changes the length in the second order only.
+        of_peaks = [_errors_of_peaks(run, peak_name) for run in responses]
+        is_x = peaks[0] >= peaks[1]
+        error = np.where(value > np.maximum(*peaks), error, np.where(is_x, *of_peaks))
         result[name] = outcome.Resultant(
             value,
             h * steps,
@@ -392,12 +397,15 @@ def _history(response: outcome.Response) -> History:
     return response.history
 
 
+def _errors_of_peaks(response: outcome.Response, peak_name: str) -> Array:
+    """Return the estimated errors of peaks in a direction; nan without an estimate."""
+    source = response.check.errors if response.check else response.stories
+    return np.asarray(getattr(source, peak_name)) * (1.0 if response.check else np.nan)
+
+
 def _error(response: outcome.Response, name: str, peak_name: str, row: Any) -> Array:
     """Return the estimated errors of a quantity in a direction near the rows of the histories."""
-    peaks = getattr(response.stories, peak_name)
-    if response.check is None:
-        return np.full_like(peaks, np.nan)
-    errors = np.asarray(getattr(response.check.errors, peak_name))
+    errors = _errors_of_peaks(response, peak_name)
     of_history = getattr(_history(response).error, name, None)
     if of_history is not None:
         errors = np.maximum(errors, np.abs(of_history[row, np.arange(len(errors))]))
