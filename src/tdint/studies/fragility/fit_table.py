@@ -69,7 +69,10 @@ number of ground motions."""
 
 
 NO_LEVELS = "fit cloud, because the runs have no common intensity levels (--fit selects another)"
-NO_COMMON_LEVELS = "the runs have no common intensity levels; use --fit cloud, or another --im"
+NO_COMMON_LEVELS = (
+    f"the runs have no common intensity levels with at least {MIN_RUNS_PER_LEVEL} ground motions; use "
+    "--fit cloud, or another --im"
+)
 
 
 @dataclass(frozen=True)
