@@ -945,9 +945,6 @@ def line(x: Array, y: Array, name: str, motion: NDArray[np.intp]) -> MeasureFit:
     AnalysisError
         There are fewer than three runs, or all have the same intensity.
     """
-    # Imported here, because the import needs half a second and other fits do not need it.
-    from scipy.stats import linregress
-
     if x.size < _MIN_RUNS:
         raise AnalysisError(
             f"{name}: the regression of ln drift over ln IM requires at least {_MIN_RUNS} "
@@ -958,23 +955,19 @@ def line(x: Array, y: Array, name: str, motion: NDArray[np.intp]) -> MeasureFit:
             f"{name}: this intensity measure has the same value in all runs; the regression of ln "
             "drift over ln IM requires different values"
         )
-    # Two parameters are estimated from the runs.
-    fit = linregress(x, y)
-    residuals = y - (fit.intercept + fit.slope * x)
-    beta = math.sqrt(float(residuals @ residuals) / (x.size - 2))
-    # The slope without a ground motion follows from the sums of 1, x, y, x^2 and x y over all runs,
-    # minus the sums over the motion.
-    motion_number = np.unique(motion, return_inverse=True)[1]
-    x, y = x - np.mean(x), y - np.mean(y)
-    sums = np.column_stack(
-        [np.bincount(motion_number, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
-    )
-    count, sum_x, sum_y, sum_xx, sum_xy = (sums.sum(axis=0) - sums).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = (sum_xy - sum_x * sum_y / count) / (sum_xx - sum_x**2 / count)
-    # The jackknife variance is m - 1 times the variance of the m slopes without a motion.
-    slope_error = math.nan
-    if slopes.size > 2:
-        slope_error = math.sqrt((slopes.size - 1) * float(np.var(slopes)))
-    slope, r_squared = float(fit.slope), float(fit.rvalue**2)
+
+    def slope_of(rows: NDArray[np.bool_]) -> tuple[float, float]:
+        """Return the slope of some of the runs, and the sum of the squared residuals."""
+        u, v = x[rows] - np.mean(x[rows]), y[rows] - np.mean(y[rows])
+        slope = float(u @ v / (u @ u)) if u.any() else math.nan
+        residuals = v - slope * u
+        return slope, float(residuals @ residuals)
+
+    # Two parameters are estimated from the runs. The jackknife variance of the slope is m - 1 times
+    # the variance of the m slopes without a motion.
+    slope, unexplained = slope_of(np.ones(x.size, bool))
+    total = float(np.sum((y - np.mean(y)) ** 2))
+    slopes = [slope_of(motion != number)[0] for number in np.unique(motion)]
+    slope_error = math.sqrt((len(slopes) - 1) * np.var(slopes)) if len(slopes) > 2 else math.nan
+    beta, r_squared = math.sqrt(unexplained / (x.size - 2)), 1.0 - unexplained / total
     return MeasureFit("", "", x.size, 0, slope, slope_error, beta, r_squared)
