@@ -70,8 +70,8 @@ number of ground motions."""
 
 NO_LEVELS = "fit cloud, because the runs have no common intensity levels (--fit selects another)"
 NO_COMMON_LEVELS = (
-    f"a level has fewer than {MIN_RUNS_PER_LEVEL} ground motions: the runs have no common intensity "
-    "levels; use --fit cloud, or another --im"
+    f"a level has fewer than {MIN_RUNS_PER_LEVEL} ground motions: the runs have no common "
+    "intensity levels; use --fit cloud, or another --im"
 )
 
 
