@@ -162,7 +162,11 @@ def _run(request: Request) -> None:
     model = _model(request)
     request = replace(request, output_units=model.output_units)
     check_limit_options(request.limit, request.require, [model])
-    _check_directions(request, model)
+    if request.sequence and model.across:
+        raise UsageError(
+            f"--sequence requires one direction, but {request.model} has two; write a model file "
+            "for each direction"
+        )
     if model.rows and (request.picture_file or request.report):
         raise UsageError(
             "--plot and --report show stories, but this model has rows that are not floors: use "
@@ -238,17 +242,6 @@ def _model(request: Request) -> Model:
     if (units := request.output_units) is None:
         return model
     return model.in_directions(output_units=units, page_units=units)
-
-
-def _check_directions(request: Request, model: Model) -> None:
-    """Raise UsageError for options without a meaning for a model with two directions."""
-    if model.across is None:
-        return
-    if request.sequence:
-        raise UsageError(
-            f"--sequence requires one direction, but {request.model} has two; write a model file "
-            "for each direction"
-        )
 
 
 def _record(request: Request, model: Model) -> Record | None:

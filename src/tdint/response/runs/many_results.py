@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from operator import itemgetter
@@ -317,18 +318,14 @@ class Runs(Tabular):
         record has several factors, each factor belongs to another suite.
         """
         varied = {name: values for name, values in self.varied.items() if name != SCALE}
-        # First group the runs by building, varied parameters and record, with increasing factors.
-        # The run with the factor of rank r in each group belongs to suite r.
-        runs_of: dict[tuple[Any, ...], list[int]] = {}
-        for run in sorted(range(len(self.model)), key=lambda run: abs(self.scale[run])):
-            values = tuple(float(values[run]) for values in varied.values())
-            runs_of.setdefault((int(self.model[run]), values, int(self.record[run])), []).append(
-                run
-            )
+        # The run with the factor of rank r under its record belongs to suite r.
+        ranks: Counter[tuple[Any, ...]] = Counter()
         suites: dict[tuple[int, tuple[float, ...], int], list[int]] = {}
-        for (model, values, _), runs in runs_of.items():
-            for rank, run in enumerate(runs, start=1):
-                suites.setdefault((model, values, rank), []).append(run)
+        for run in np.argsort(np.abs(self.scale), kind="stable").tolist():
+            building = int(self.model[run]), tuple(float(all_of[run]) for all_of in varied.values())
+            record = (*building, int(self.record[run]))
+            ranks[record] += 1
+            suites.setdefault((*building, ranks[record]), []).append(run)
         # A suite is named by its factor if all its records have the same factor, otherwise by its
         # rank.
         named = {}

@@ -628,13 +628,6 @@ def motion_of_rows(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, 
     return rule, motion
 
 
-def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
-    """Return the intensities of runs, for the components of each pair their geometric mean. It does
-    not depend on the rule for their demand."""
-    _, motion = motion_of_rows(table, LARGER)
-    return geometric_means(motion, im)[motion]
-
-
 @contextmanager
 def store_of_table(table: CsvTable) -> Iterator[Store | None]:
     """Open the store in the directory of a table in a `with` statement. Yield None if the table is
@@ -799,7 +792,9 @@ def suite_runs(
     rule, motion_at_level = motion_of_rows(table, pair_demand)
     # The columns `im` and `level` contain the intensity of the pair already.
     if column not in ("im", LEVEL):
-        im = combine_pair_intensities(table, im)
+        # The intensity of a pair does not depend on the rule for its demand.
+        _, of_pairs = motion_of_rows(table, LARGER)
+        im = geometric_means(of_pairs, im)[of_pairs]
     firsts = first_runs(motion_at_level)
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
     demand = with_outcomes(
