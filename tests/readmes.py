@@ -10,6 +10,7 @@ changed pages are printed.
 
 import argparse
 import ast
+import csv
 import importlib.util
 import inspect
 import math
@@ -341,11 +342,27 @@ def columns():
     }
 
 
+def further_columns():
+    """Return the declared columns that no table of `columns` has, by the kind of their table: they
+    depend on options and inputs."""
+    listed = {column.name for group in columns().values() for column in group}
+    further = {}
+    for folder in ("src/tdint/studies", "src/tdint/output/tables"):
+        with (ROOT / folder / "columns.csv").open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                if row["name"] not in listed and "{" not in row["name"]:
+                    name = f"Further columns of {row['table'].split('.')[0]}"
+                    column = shared.Column(row["name"], row["unit"], "", row["meaning"])
+                    if column not in further.setdefault(name, []):
+                        further[name].append(column)
+    return further
+
+
 def column_tables():
     """Return a section with the columns of each table; a dimensionless number and text have no
     unit. Equal tables refer to the first one."""
     sections, groups = [], {}
-    for name, group in columns().items():
+    for name, group in (columns() | further_columns()).items():
         rows = tuple(
             f"| `{column.name}` | {'' if column.unit in ('1', 'text') else column.unit} "
             f"| {column.meaning.replace('|', chr(92) + '|')} |"

@@ -94,21 +94,24 @@ def join_arrays(*arrays: Array) -> Array:
 
 
 def each_array(function: Callable[..., Array], *parts: Any) -> Any:
-    """Return a dataclass with the results of a function of each array of `parts`.
+    """Return a dataclass with the results of a function of each array and number of `parts`.
 
     Parameters
     ----------
     function : callable
         Function of the arrays of the same name, one array of each part.
     parts
-        Dataclasses of the same type. They may contain other dataclasses, mappings of arrays, and
-        None, texts and tuples of labels, which all parts have in common.
+        Dataclasses of the same type, which may contain other dataclasses, mappings of arrays, and
+        texts and tuples of labels, which all parts have in common. If a part has None, the result
+        has None.
     """
-    if isinstance(parts[0], np.ndarray):
+    if any(part is None for part in parts):
+        return None
+    if isinstance(parts[0], np.ndarray | float):
         return function(*parts)
     if isinstance(parts[0], dict):
         return {name: each_array(function, *(part[name] for part in parts)) for name in parts[0]}
-    if parts[0] is None or isinstance(parts[0], str | tuple):
+    if isinstance(parts[0], str | tuple):
         return parts[0]
     names = [member.name for member in fields(parts[0])]
     return type(parts[0])(

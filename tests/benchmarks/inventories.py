@@ -21,8 +21,9 @@ import tdint
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.model.mdof_lu import BuildingFacts
+from tdint.response.pairs import Run
 from tdint.response.runs.batch import Subject
-from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run, spectral_accelerations
+from tdint.studies.campaign.chunks import Batch, CampaignSettings, spectral_accelerations
 from tdint.studies.regions.inventory import InventoryRow, derive_row, model_text
 
 BUILDINGS = 40

@@ -25,11 +25,12 @@ from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
 from tdint.methods.catalogue import catalogue, parse
 from tdint.response.arguments import model_record
+from tdint.response.pairs import Run
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.time_steps import choose_steps
-from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run, building_step
+from tdint.studies.campaign.chunks import Batch, CampaignSettings, building_step
 
 MODELS = {
     name: load_model(ROOT / "configs" / f"{name}.yaml")

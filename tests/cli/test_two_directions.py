@@ -90,10 +90,9 @@ def test_two_records_of_the_command_line_are_the_components(both, tdint):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("both.yaml", "--report", "a.html"), "--report requires one direction"),
+        (("bare.yaml", "x.csv", "y.csv", "--sequence"), "--sequence requires one direction"),
         (("bare.yaml", "x.csv"), "only one horizontal component"),
         (("bare.yaml",), "the ground motion is missing"),
-        (("both.yaml", "--floor-spectra", "1"), "requires one direction"),
     ],
 )
 def test_what_a_run_in_two_directions_refuses(both, tdint, arguments, message):
@@ -101,6 +100,40 @@ def test_what_a_run_in_two_directions_refuses(both, tdint, arguments, message):
     assert result.exit_code in (2, 3, 4)
     assert message in result.stderr
     assert not (both / "out").exists()
+
+
+def test_floor_spectra_and_report_of_two_directions(both, tdint):
+    """Floor spectra and the chapters of the report are those of each direction, as of a model with
+    one direction."""
+    floors = ("--floor-spectra", "1,roof", "--floor-period", "0.1,0.3", "--export-floors", "mseed")
+    tdint("run", "both.yaml", "-o", "out", *floors, "--report", "page.html", "-q", code=0)
+    for name in "xy":
+        (both / f"{name}.yaml").write_text(_one_direction(name))
+        tdint(f"run {name}.yaml {name}.csv --units m/s^2 -q -o one-{name}", *floors, code=0)
+        of_direction, alone = (
+            rows((both / f"{path}floor-spectra.csv").read_text())
+            for path in (f"out/{name}-", f"one-{name}/")
+        )
+        assert len(of_direction) == 4
+        for row, other in zip(of_direction, alone, strict=True):
+            assert float(row["psa_m_s2"]) == pytest.approx(float(other["psa_m_s2"]), rel=1e-9)
+        assert (both / f"out/{name}-floors.mseed").stat().st_size > 0
+    page = (both / "page.html").read_text("utf-8")
+    for title in ("direction x", "direction y", "both directions"):
+        assert f"Peaks of the stories, {title}" in page
+    assert "Floor spectra, direction y" in page and "drifts in plan" in page
+    text = "buildings: {models: [bare.yaml]}\nrecords: {files: [pair000.csv, pair090.csv]}\n"
+    (both / "study.yaml").write_text(text)
+    tdint.refused("use `tdint run` for each", "campaign study.yaml -o c --floor-spectra 1")
+
+
+def _one_direction(name):
+    """Return the model with the stiffnesses of one direction."""
+    model = MODEL
+    for x, y in (("4e+07", "2.2e+07"), ("3e+07", "2e+07")):
+        both = f"x: {{stiffness: {x}}}, y: {{stiffness: {y}}}"
+        model = model.replace(both, f"stiffness: {x if name == 'x' else y}")
+    return model
 
 
 def test_components_with_different_factors_are_refused(both, tdint):
@@ -277,11 +310,7 @@ def test_rest_and_period_of_two_directions(both, tdint):
     content = json.loads((both / "out/summary.json").read_text())
     times = []
     for name in "xy":
-        stiffness = "x: {stiffness: 4e+07}, y: {stiffness: 2.2e+07}", "3e+07", "2e+07"
-        model = MODEL.replace(stiffness[0], f"stiffness: {'4e+07' if name == 'x' else '2.2e+07'}")
-        own = stiffness[1] if name == "x" else stiffness[2]
-        model = model.replace("x: {stiffness: 3e+07}, y: {stiffness: 2e+07}", f"stiffness: {own}")
-        (both / "one.yaml").write_text(model)
+        (both / "one.yaml").write_text(_one_direction(name))
         tdint(f"run one.yaml {name}.csv --until-rest -o {name} -q --units m/s^2", code=0)
         times.append(json.loads((both / f"{name}/summary.json").read_text()))
     rest = [item["at_end"]["time_at_rest_s"] for item in times]

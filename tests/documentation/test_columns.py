@@ -1,6 +1,8 @@
 """The tables of cli/COLUMNS.md equal the columns of the tables."""
 
+import csv
 import functools
+import io
 import re
 
 import pytest
@@ -89,6 +91,19 @@ def listed(name):
 
 def test_every_list_is_compared():
     assert list(readmes.columns()) == list(COMMANDS)
+
+
+def test_every_declared_column_is_on_the_page():
+    """A column of `columns.csv` has its unit and meaning on the page of columns, also if it depends
+    on options and inputs."""
+    page = (readmes.ROOT / "cli/COLUMNS.md").read_text()
+    for folder in ("src/tdint/studies", "src/tdint/output/tables"):
+        text = (readmes.ROOT / folder / "columns.csv").read_text()
+        names = {row["name"] for row in csv.DictReader(io.StringIO(text))}
+        assert len(names) > 50
+        missing = {name for name in names if f"| `{name}` |" not in page and "{" not in name}
+        assert missing == set()
+    assert "expected annual loss ratio of the building type" in page  # a second `annual_loss`
 
 
 @functools.cache

@@ -61,6 +61,10 @@ BUILDINGS = {
 }
 """Model files by the kind of building; `devices` is in US units."""
 
+DIRECTIONS = ("x", "y")
+ONE_DIRECTION = {"isolated"}
+"""Buildings that two directions refuse: isolators that yield."""
+
 UNITS = {
     "peak_drift": "_m", "peak_drift_ratio": "", "residual_drift": "_m", "peak_shear": "_N",
     "peak_damper_force": "_N", "peak_total_shear": "_N", "ductility": "",
@@ -194,13 +198,27 @@ def folder(tmp_path_factory):
         motion = np.convolve(noise, np.hanning(12), "same") * np.sin(np.pi * time / time[-1]) ** 2
         motion *= peak / np.max(np.abs(motion))
         rows = ["".join(f"{x:15.7E}" for x in motion[i : i + 5]) for i in range(0, SAMPLES, 5)]
-        (folder / f"RSN{number}_A000.AT2").write_text(
-            "PEER NGA STRONG MOTION DATABASE RECORD\nTest, 1/1/2020, Station, 000\nACCELERATION "
-            f"TIME SERIES IN UNITS OF G\nNPTS=  {SAMPLES}, DT=   {DT:.4f} SEC,\n"
-            + "\n".join(rows)
-            + "\n"
-        )
+        zeros = ["".join(f"{0.0:15.7E}" for _ in motion[i : i + 5]) for i in range(0, SAMPLES, 5)]
+        write_motion(folder / f"RSN{number}_A000.AT2", rows)
+        for axis in DIRECTIONS:
+            (folder / axis).mkdir(exist_ok=True)
+            moved, still = ("000", "090") if axis == "x" else ("090", "000")
+            write_motion(folder / axis / f"RSN{number}_A{moved}.AT2", rows)
+            write_motion(folder / axis / f"RSN{number}_A{still}.AT2", zeros)
+    for name in BUILDINGS.keys() - ONE_DIRECTION:
+        text = f"name: {name}\n{BUILDINGS[name]}excitation: {{azimuth: 0}}\n"
+        (folder / f"both-{name}.yaml").write_text(text)
     return folder
+
+
+def write_motion(path, rows):
+    """Write a PEER file in g."""
+    path.write_text(
+        f"PEER NGA STRONG MOTION DATABASE RECORD\nTest, 1/1/2020, Station, {path.stem[-3:]}\n"
+        f"ACCELERATION TIME SERIES IN UNITS OF G\nNPTS=  {SAMPLES}, DT=   {DT:.4f} SEC,\n"
+        + "\n".join(rows)
+        + "\n"
+    )
 
 
 @pytest.fixture(scope="module", params=BUILDINGS)
@@ -215,6 +233,8 @@ def values(request, folder):
         by_run(found, request.param, model)
         by_campaign(found, request.param)
         by_period(found, request.param, model, record)
+        for axis in DIRECTIONS if request.param not in ONE_DIRECTION else ():
+            by_two_directions(found, request.param, axis)
         return found
 
 
@@ -371,6 +391,55 @@ def by_period(found, name, model, record):
     acceleration = float(tdint.spectrum(record, [modes.period[0]], 0.05).psa[0])
     found.put("spectral acceleration", "building", "spectrum", acceleration)
     found.put("peak ground acceleration", "building", "record", record.pga)
+
+
+def by_two_directions(found, name, axis):
+    """Store the values of the same building in two directions, of which the other one is at rest:
+    `run`, `run_many`, a campaign, and the tables of the commands."""
+    model, route = tdint.load_model(f"both-{name}.yaml"), f"two directions, {axis} moves"
+    files = [f"{axis}/RSN1_A000.AT2", f"{axis}/RSN1_A090.AT2"]
+    response = tdint.run(model, tuple(files))
+    many = tdint.run_many([model], [tuple(files)], check=True)
+    found.put_stories(route, response.stories)
+    found.put_stories(f"{route}, run_many", many.stories, 0)
+    for notion, value in (
+        ("status", response.status), ("time step", response.dt), ("steps", response.steps),
+        ("energy error", response.energy.error),
+        ("collapse time", response.collapse.time if response.collapse else None),
+    ):  # fmt: skip
+        found.put(notion, "building", route, value)
+    for attribute, notion in DEMANDS.items():
+        found.put(notion, "building", route, getattr(demands(response.stories), attribute).value)
+    if response.devices is not None:
+        moved = response.directions[DIRECTIONS.index(axis)]
+        devices(found, route, moved)
+        for quantity in DEVICE:  # absolute values of both directions
+            values = (getattr(part.devices.stories, quantity) for part in (moved, response))
+            np.testing.assert_array_equal(*map(np.abs, values))
+    # Errors of drift ratios beside devices are those of drifts in two directions.
+    ratios = "peak_drift_ratio"
+    for quantity in UNITS if response.devices is None else UNITS.keys() - {ratios}:
+        values = getattr(response.check.errors, quantity), getattr(many.errors, quantity)[0]
+        for kind, errors in zip(("", ", run_many"), values, strict=True):
+            for story, value in enumerate(errors.tolist(), start=1):
+                found.put("error estimate", f"{quantity} {story}", route + kind, value)
+    out = Path(f"run-{name}-{axis}")
+    command("run", f"both-{name}.yaml", *files, "-o", out, "-q")
+    table = rows_of((out / "stories.csv").read_text())
+    for part in (axis, "resultant"):
+        cells = [row for row in table if row["direction"] == part]
+        for row in cells if response.devices is not None and part == "resultant" else ():
+            del row[f"{ratios}_error"]
+        found.put_table(f"stories.csv, {part} of {route}", cells)
+    Path(f"{name}-{axis}.yml").write_text(
+        f"buildings: {{models: [both-{name}.yaml]}}\nrecords: {{files: [{', '.join(files)}]}}\n"
+    )
+    command("campaign", f"{name}-{axis}.yml", "-o", f"campaign-{name}-{axis}", "-q")
+    (row,) = rows_of((Path(f"campaign-{name}-{axis}") / "runs.csv").read_text())
+    # The intensities of a pair with a component at rest are 0.
+    assert float(row["pga_m_s2"]) == float(row["sa_t1_m_s2"]) == 0.0
+    del row["pga_m_s2"], row["sa_t1_m_s2"]
+    found.put_run(f"runs.csv, {route}", row)
 
 
 def test_all_routes_agree(values):

@@ -9,11 +9,10 @@ from tdint import load_model
 from tdint.output.page import Chapter, PageText, Picture, Table, page
 from tdint.output.report import model_chapter
 from tdint.output.tables.buildings import model_table
+from tdint.response.pairs import COMPLETED, Run
 from tdint.response.runs.outcome import STORY_QUANTITIES
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import Profile
 from tdint.studies.campaign.suite_report import _drifts_of_buildings, _ratio_parts, _statistics
-from tdint.studies.motions.pairs import COMPLETED
 from tdint.units import parse_output_units
 
 UNITS = parse_output_units("kN,m")

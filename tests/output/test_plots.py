@@ -32,6 +32,7 @@ from tdint.output.figures.spectrum_curves import (
 )
 from tdint.output.figures.style import changed, picture, titled
 from tdint.output.report import _pushover_parts
+from tdint.response.pairs import COLLAPSED, COMPLETED, Run, with_outcomes
 from tdint.response.runs.history import ErrorHistory
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run import run
@@ -39,10 +40,8 @@ from tdint.response.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.response.spectra.elastic import spectrum
 from tdint.response.spectra.inelastic import constant_strength
 from tdint.response.spectra.target import SpectrumDifference
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile
 from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture, ratio_picture
-from tdint.studies.motions.pairs import COLLAPSED, COMPLETED, with_outcomes
 from tdint.studies.sensitivity.sensitivity import PEAKS, ParameterEffect
 from tdint.studies.sensitivity.sensitivity_figures import sensitivity_picture
 from tdint.units import parse_output_units

@@ -97,7 +97,7 @@ def test_the_error_of_a_maximum_includes_all_stories_that_may_govern():
 def test_every_number_of_a_summary_has_a_meaning(damping):
     building = replace(ten_bilinear(damping), p_delta=True)
     case = prepare(building, noise(samples=101).scaled(3.0), method="impulse4")
-    first = first_mode(case.building, case.record)
+    first = first_mode(case.record, case.building)
     summary = run_summary(run_case(case, check=True), [], 1.0, first=first, settings={"dt_s": 0.01})
     assert set(summary["meanings"]) <= set(MEANINGS)
     assert summary["meanings"]["peak_absolute_acceleration_m_s2"]["unit"] == "m/s^2"
@@ -110,7 +110,7 @@ def test_the_residual_oscillation_at_the_end_is_the_maximum_of_the_stories():
         run_case(prepare(ten_linear(), noise(samples=101))),
         residual_oscillation=np.array([0.1, 0.3, 0.2]),
     )
-    summary = run_summary(response, [], 1.0, first=first_mode(assemble(ten_linear()), None))
+    summary = run_summary(response, [], 1.0, first=first_mode(None, assemble(ten_linear())))
     assert summary["at_end"] == {
         "residual_oscillation_m": 0.3,
         "residual_oscillation_story": 2,
@@ -123,7 +123,7 @@ def test_every_number_of_a_failure_has_a_meaning():
     with pytest.raises(FailedRun) as caught:
         run_case(case, dt=0.05)
     summary = failure_summary(
-        caught.value, case.model, case.record, [], 1.0, first=first_mode(case.building, None)
+        caught.value, case.model, case.record, [], 1.0, first=first_mode(None, case.building)
     )
     assert summary["meanings"]["largest_stable_dt_s"]["unit"] == "s"
     assert "sa_t1_m_s2" not in summary["building"]
@@ -137,7 +137,7 @@ def test_the_first_mode_equals_the_first_of_all_modes(damping):
         story = ten_bilinear().stories[0]
         damped = damping if stories > 2 or not isinstance(damping, RayleighRatio) else None
         building = assemble(model([story] * stories, damping=damped, p_delta=True))
-        first = first_mode(building, noise(samples=101))
+        first = first_mode(noise(samples=101), building)
         modes = building.modes()
         assert first.period == pytest.approx(2.0 * np.pi / modes.omega[0], rel=1e-13)
         ratio = modes.modal_damping(building.damping_matrix())[0, 0] / (2.0 * modes.omega[0])

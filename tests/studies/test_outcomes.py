@@ -11,22 +11,23 @@ from tdint.errors import AnalysisError
 from tdint.fractiles import expected_deviation, fractiles, small_sample_warning
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DamageStates
-from tdint.studies.campaign.chunks import Run
+from tdint.response import pairs as o
+from tdint.response.pairs import (
+    LARGER,
+    MEAN,
+    PAIR_DEMANDS,
+    Run,
+    join_pairs,
+    recording_numbers,
+    suite_text,
+)
+from tdint.studies.campaign.story_profiles import ratios_to
 from tdint.studies.fragility.building_damage import BuildingDamage, TypeDamage
 from tdint.studies.fragility.fit_table import FragilityRequest, fit_states
 from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_levels, fit_stripes
 from tdint.studies.fragility.measures import SuiteRuns, over_motions
 from tdint.studies.ida.ida_curve import IdaCurve, IdaRun, PairCurve
-from tdint.studies.motions import pairs as o
 from tdint.studies.motions.intensity import MotionIntensity, pga, sa
-from tdint.studies.motions.pairs import (
-    LARGER,
-    MEAN,
-    PAIR_DEMANDS,
-    join_pairs,
-    recording_numbers,
-    suite_text,
-)
 
 LOST, GONE = math.inf, math.nan
 
@@ -37,8 +38,8 @@ def column(*values):
 
 def test_v1_each_variant_is_compared_under_the_motions_that_it_and_the_baseline_completed():
     base = column(1.2, 1.8, 2.4, 3.0, 1.6, 2.0, LOST)
-    b = o.ratios_to(base, column(0.9, 1.3, 1.6, 2.2, 1.4, 1.5, 2.9))
-    d = o.ratios_to(base, column(1.0, LOST, 1.5, LOST, 1.5, LOST, LOST))
+    b = ratios_to(base, column(0.9, 1.3, 1.6, 2.2, 1.4, 1.5, 2.9))
+    d = ratios_to(base, column(1.0, LOST, 1.5, LOST, 1.5, LOST, LOST))
     assert (b.motions, d.motions) == (6, 3)
     found = [value[0] for value in (b.mean, b.max, b.median, d.mean, d.max)]
     assert found == pytest.approx([0.7416666667, 0.7333333333, 0.75, 0.7692307692, 0.625])
@@ -55,10 +56,10 @@ def test_v2_maxima_are_over_all_stories_of_each_building():
     drift = [np.array([[0.015, 0.012, 0.009, 0.006]]), np.array([[0.016, 0.011, 0.007]])]
     shear = [np.array([[900.0, 780, 560, 300]]), np.array([[720.0, 500, 260]])]
     from_roof = [(0, 1), (1, 2), (2, 3)]
-    found = o.ratios_to(*drift, from_roof).mean
+    found = ratios_to(*drift, from_roof).mean
     assert found[0] == pytest.approx(1.066666667) and found[2] == pytest.approx(0.016 / 0.012)
     assert math.isnan(found[1])  # the variant has no such story
-    base_shear = o.ratios_to(shear[0][:, :1], shear[1][:, :1])
+    base_shear = ratios_to(shear[0][:, :1], shear[1][:, :1])
     assert base_shear.mean[0] == pytest.approx(0.8)
 
 

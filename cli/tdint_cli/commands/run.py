@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import is_there, write_files
+from tdint.ground_motion.axes import pga_of
 from tdint.ground_motion.origin import matched_clause
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
@@ -39,7 +40,6 @@ from tdint_cli.terminal import complain, is_debug, is_quiet, note, note_of_runs,
 if TYPE_CHECKING:
     from tdint.files import Content
     from tdint.ground_motion.record import Input, Record
-    from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.output.tables.table import Table
     from tdint.output.verdicts import Verdict
@@ -162,7 +162,11 @@ def _run(request: Request) -> None:
     model = _model(request)
     request = replace(request, output_units=model.output_units)
     check_limit_options(request.limit, request.require, [model])
-    _check_directions(request, model)
+    if request.sequence and model.across:
+        raise UsageError(
+            f"--sequence requires one direction, but {request.model} has two; write a model file "
+            "for each direction"
+        )
     if model.rows and (request.picture_file or request.report):
         raise UsageError(
             "--plot and --report show stories, but this model has rows that are not floors: use "
@@ -240,25 +244,6 @@ def _model(request: Request) -> Model:
     return model.in_directions(output_units=units, page_units=units)
 
 
-def _check_directions(request: Request, model: Model) -> None:
-    """Raise UsageError for options without a meaning for a model with two directions."""
-    if model.across is None:
-        return
-    floors = request.floor_request
-    options_given = {
-        "--sequence": request.sequence,
-        "--report": request.report,
-        "--floor-spectra": floors.floors,
-        "--export-floors": request.export_floors,
-    }
-    for option, value in options_given.items():
-        if value:
-            raise UsageError(
-                f"{option} requires one direction, but {request.model} has two; omit it, or write "
-                "a model file for each direction"
-            )
-
-
 def _record(request: Request, model: Model) -> Record | None:
     """Return the ground motion of a single run: of the command line, or of the model."""
     from tdint.response.arguments import model_record, pair_of_files
@@ -294,12 +279,12 @@ def _interpret_if_not_compiled(request: Request, case: Case) -> bool:
     from tdint.response.runs.analysis_kernels import run_interpreted
     from tdint.response.runs.error_estimate import reference
 
-    methods = [case.method]
-    if request.check is not False:
-        methods = [case.method, reference(case).method]
-    is_interpreted = run_interpreted(case.prepared, methods)
-    if case.across is not None:
-        is_interpreted |= _interpret_if_not_compiled(request, case.across)
+    is_interpreted = False
+    for part in case.directions:
+        methods = [part.method]
+        if request.check is not False:
+            methods.append(reference(part).method)
+        is_interpreted |= run_interpreted(part.prepared, methods)
     return is_interpreted
 
 
@@ -317,14 +302,9 @@ def _failure_content(
         case.record,
         inputs,
         time.perf_counter() - start_time,
-        first=first_mode(case.building, case.record, *_across(case)),
+        first=first_mode(case.record, *(part.building for part in case.directions)),
         settings=request.settings,
     )
-
-
-def _across(case: Case) -> tuple[Building, ...]:
-    """Return the building in direction y, if the case has one."""
-    return () if case.across is None else (case.across.building,)
 
 
 def _verdicts(response: Response, limit: float | str | None, units: OutputUnits) -> list[Verdict]:
@@ -399,6 +379,18 @@ def _files(
             files[folder / RESULTANTS] = resultants.in_units(units).csv()
         parts = dict(zip(("x-", "y-"), response.directions, strict=False)) or {"": response}
         for prefix, part in parts.items():
+            floor_files, notes = request.floor_request.files(
+                part,
+                folder,
+                units,
+                plot=request.plot is not None,
+                export=request.export_floors,
+            )
+            files |= {
+                path.with_name(f"{prefix}{path.name}"): content
+                for path, content in floor_files.items()
+            }
+            note(*notes)
             part_tables = {
                 ELEMENTS: tables.elements.element_table(part),
                 **dict(zip((ATTACHMENTS, LINKS), tables.devices.device_tables(part), strict=True)),
@@ -423,16 +415,6 @@ def _files(
             for part in histories_of(response)
         )
         files[file] = lambda stream: tables.histories.write_history([x], stream, units, [y])
-    if request.output:
-        floor_files, notes = request.floor_request.files(
-            response,
-            Path(request.output),
-            units,
-            plot=request.plot is not None,
-            export=request.export_floors,
-        )
-        files |= floor_files
-        note(*notes)
     if picture := request.picture_file:
         files[picture] = figures.style.picture(
             picture.suffix,
@@ -450,7 +432,7 @@ def _files(
     from tdint.response.spectra.elastic import first_mode
 
     wall_time = time.perf_counter() - start_time
-    first = first_mode(case.building, response.record, *_across(case))
+    first = first_mode(response.record, *(part.building for part in case.directions))
     content = run_summary(
         response,
         [model_input(case.model), *record_inputs],
@@ -513,8 +495,11 @@ def _report_page(
         limits=limit_table({"": checks}, units, mean=False, reasons=reasons) if checks else None,
         governing_story=governing_story(checks),
     )
-    floors = request.floor_request.run_spectra(response)
-    return run_page(_with_history(response), page_text, floors=floors, units=units)
+    floors = [
+        request.floor_request.run_spectra(part) for part in response.directions or (response,)
+    ]
+    shown = response if response.directions else _with_history(response)
+    return run_page(shown, page_text, floors=floors, units=units)
 
 
 def _with_history(response: Response) -> Response:
@@ -601,9 +586,10 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     motion = "no ground motion"
     if record is not None:
         # With three significant digits, numbers from 1000 would be written with an exponent.
-        pga = units.of(record.pga, "m/s^2")
+        pga = units.of(pga_of(record), "m/s^2")
         pga_text = f"{pga:.3g}" if pga < 1000.0 else f"{pga:.0f}"
-        motion = f"{record.name} (PGA {pga_text} {units.unit('m/s^2')[0]})"
+        measure = "geometric-mean PGA" if response.directions else "PGA"
+        motion = f"{record.name} ({measure} {pga_text} {units.unit('m/s^2')[0]})"
     cost = ""
     if is_debug() and not page:
         microseconds = 1e6 * response.solver_time / response.steps

@@ -24,12 +24,12 @@ ELEMENTS = "elements.csv"
 ATTACHMENTS, LINKS, CONTACTS = "attachments.csv", "links.csv", "contacts.csv"
 ROWS = "rows.csv"
 RESULTANTS = "resultants.csv"
-_OF_DEVICES = (ELEMENTS, ATTACHMENTS, LINKS, CONTACTS)
-_TABLES = (
-    *(STORIES, RESULTANTS, ROWS, *_OF_DEVICES),
-    *(f"{direction}-{name}" for direction in ("x", "y") for name in _OF_DEVICES),
+_OF_DIRECTIONS = (ELEMENTS, ATTACHMENTS, LINKS, CONTACTS, SPECTRA, SPECTRA_PICTURE, MOTIONS)
+ALL_FILES = (
+    *(STORIES, RESULTANTS, ROWS),
+    *(f"{direction}{name}" for direction in ("", "x-", "y-") for name in _OF_DIRECTIONS),
+    *(HISTORY, PICTURE, SUMMARY),
 )
-ALL_FILES = (*_TABLES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """All files that a single run or a sequence can write to the directory of -o. The summary is
 written last: if its status is `done`, all files are complete."""
 

@@ -20,6 +20,7 @@ from tdint.output.printed import PRINTED, parse_style
 from tdint.output.run_summary import LIMIT_MEANINGS
 from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs, stored_summary
 from tdint.output.tables.table import Table
+from tdint.response.pairs import PairRule, check_pairs
 from tdint.response.runs.outcome import FAILED
 from tdint.studies.campaign.campaign_summary import campaign_summary, without_error
 from tdint.studies.campaign.execute import Advance, Engine, Shard, execute_plan, reuse_results
@@ -32,7 +33,6 @@ from tdint.studies.campaign.story_profiles import (
 )
 from tdint.studies.fragility.building_damage import has_losses
 from tdint.studies.fragility.measures import measured, run_measure
-from tdint.studies.motions.pairs import PairRule, check_pairs
 from tdint.studies.regions import maps as map_tables
 from tdint.studies.store import schema
 from tdint.studies.store.opening import open_replacement, open_store, write_from_store
@@ -208,6 +208,11 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     for option, is_requested in needs_stories.items():
         if is_requested and not plan.settings.keeps_stories:
             raise AnalysisError(f"{option}: {NOT_STORED}")
+    if request.floor_request.floors and any(model.across for model in plan.models):
+        raise UsageError(
+            "--floor-spectra of a campaign requires one direction; use `tdint run` for each ground "
+            "motion"
+        )
     if request.baseline is not None:
         names = (building.name for building in plan.buildings)
         check_baseline(request.baseline, names, plan.own_periods)

@@ -209,8 +209,7 @@ def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
 
     period = math.nan  # measures such as PGA have no period
     if request.im in SPECTRAL:
-        building, *others = map(assemble, model.directions)
-        period = request.period or first_mode(building, None, *others).period
+        period = request.period or first_mode(None, *map(assemble, model.directions)).period
     measure = measure_at(request.im, request.damping, period)
     # --max-im has the quantity of the measure (such as acceleration) if the SI unit of the measure
     # is one of the units of this quantity, with factor 1.
@@ -360,7 +359,7 @@ def _page(
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
     """Report the pairs of components and their treatment."""
-    from tdint.studies.motions.pairs import PairRule
+    from tdint.response.pairs import PairRule
 
     if study.partners:
         files = [curve.record.source for curve in study.states[0].curves]

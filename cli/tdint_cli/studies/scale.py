@@ -225,8 +225,8 @@ def _scaled(request: ScaleRequest) -> tuple[Suite, Scaling]:
     immediately. UsageError is raised if the target cannot be read, or does not cover the periods;
     Failures, if the factors depend on a record that cannot be read.
     """
+    from tdint.response.pairs import join_pairs
     from tdint.studies.motions.intensity import measure_at
-    from tdint.studies.motions.pairs import join_pairs
     from tdint.studies.motions.scaling import BOUNDS, scale
     from tdint.studies.motions.selection import named_events, select
 

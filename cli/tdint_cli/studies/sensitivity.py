@@ -135,9 +135,9 @@ def _one_at_a_time(request: Request) -> None:
     """
     from tdint.model.config.model_file import load_model
     from tdint.model.config.record_files import RecordFiles
+    from tdint.response.pairs import PairRule
     from tdint.studies.campaign.execute import threads
     from tdint.studies.campaign.inputs import read_motions
-    from tdint.studies.motions.pairs import PairRule
     from tdint.studies.sensitivity.sensitivity import parameter_effects, plan_of
     from tdint.studies.sensitivity.sensitivity_tables import parameter_effect_table
     from tdint.studies.store.opening import open_store

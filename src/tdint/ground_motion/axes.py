@@ -8,45 +8,45 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.errors import RecordError
-from tdint.ground_motion.horizontals import Horizontals, azimuth
+from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import Record
 
+if TYPE_CHECKING:
+    from tdint.ground_motion.horizontals import Horizontals
 
-@dataclass(frozen=True, eq=False, repr=False)
+
 class PairRecord(Record):
     """Ground motion along two axes, as one motion with a common factor.
 
-    The attributes of `Record` describe the motion along x, except the source and the component,
-    which name both records.
+    It has a name, times, notes and the number of samples, and no acceleration, peak or spectrum of
+    its own: these are attributes of both components, and intensities are those of `intensity_of`.
 
     Attributes
     ----------
-    along, across : Record | None
-        Ground motions along x and y, which are always given.
+    components : tuple of two Records
+        Ground motions along x and y, m/s^2.
     larger : bool
         True if the demands of a building are the larger values of both directions, instead of
         resultants.
+
+    Raises
+    ------
+    RecordError
+        The sampling intervals or the start times of the components differ.
+    AttributeError
+        The attribute is not defined for two components.
     """
 
-    along: Record | None = None
-    across: Record | None = None
-    larger: bool = False
+    components: tuple[Record, Record]
+    larger: bool
 
-    @classmethod
-    def of(cls, along: Record, across: Record) -> Self:
-        """Return the ground motion with two components, in m/s^2 along x and y.
-
-        Raises
-        ------
-        RecordError
-            The sampling intervals or the start times differ.
-        """
+    def __init__(self, along: Record, across: Record, *, larger: bool = False) -> None:
+        """Create the ground motion from its components along x and y."""
         names = f"{along.name} and {across.name}"
         if not math.isclose(along.dt, across.dt, rel_tol=1e-9):
             raise RecordError(
@@ -58,25 +58,31 @@ class PairRecord(Record):
                 f"{names}: the components of x and y start at different times, {along.start} and "
                 f"{across.start}; trim both to the same start"
             )
-        attributes = {field.name: getattr(along, field.name) for field in fields(Record)}
+        # The dataclass is frozen, so that its attributes cannot be assigned.
+        attributes = vars(self)
+        attributes |= {"components": (along, across), "larger": larger}
+        attributes |= {"dt": along.dt, "start": along.start or across.start}
+        attributes["scale"] = along.scale if along.scale == across.scale else math.nan
         for name in ("notes", "warnings", "inputs", "processing", "header_checks"):
             both = (*getattr(along, name), *getattr(across, name))
             attributes[name] = tuple(dict.fromkeys(both))
-        for name in ("source", "component"):
+        for name in ("source", "component", "id", "event", "quantity", "units", "units_from"):
             both = (getattr(along, name), getattr(across, name))
             attributes[name] = "+".join(filter(None, dict.fromkeys(both)))
-        return cls(**attributes, along=along, across=across)
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(
+            f"a ground motion in two directions has no {name}: use its `components`, the records "
+            "along x and y"
+        )
+
+    def _headline(self) -> str:
+        return "; ".join(record._headline() for record in self.components)
 
     @property
-    def components(self) -> tuple[Record, Record]:
-        """Ground motions along x and y."""
-        assert self.along is not None and self.across is not None
-        return self.along, self.across
-
-    @property
-    def pga(self) -> float:
-        """Geometric mean of the peak ground accelerations of both components, m/s^2."""
-        return float(intensity_of(self, lambda record: record.pga))
+    def samples(self) -> int:
+        """Number of samples of the longer component."""
+        return max(record.samples for record in self.components)
 
     @property
     def digest(self) -> str:
@@ -87,7 +93,30 @@ class PairRecord(Record):
     def scaled(self, factor: float) -> PairRecord:
         """Return a copy with both components multiplied by `factor`."""
         x, y = (record.scaled(factor) for record in self.components)
-        return replace(PairRecord.of(x, y), larger=self.larger)
+        return PairRecord(x, y, larger=self.larger)
+
+
+def components_of(record: Record | None) -> tuple[Record | None, Record | None]:
+    """Return the ground motions along x and y, None for the ground at rest.
+
+    Raises
+    ------
+    UsageError
+        The record is a single component.
+    """
+    if isinstance(record, PairRecord):
+        return record.components
+    if record is not None:
+        raise UsageError(
+            f"{record.name}: a building with two directions requires both horizontal components; "
+            "use a pair of records (`read_horizontals`)"
+        )
+    return None, None
+
+
+def pga_of(record: Record) -> float:
+    """Return the peak ground acceleration, m/s^2, as `intensity_of`."""
+    return float(intensity_of(record, lambda part: part.pga))
 
 
 def intensity_of(record: Record, value: Callable[[Record], Any]) -> Any:
@@ -99,7 +128,7 @@ def intensity_of(record: Record, value: Callable[[Record], Any]) -> Any:
     return np.sqrt(x * y)
 
 
-def along_axes(pair: Horizontals, axis: float | None = None) -> PairRecord:
+def along_axes(pair: Horizontals, axis: float | None = None, *, larger: bool = False) -> PairRecord:
     """Return the components of a recording along the axes x and y.
 
     Components that state their azimuths are rotated: the motion along the axis with azimuth A is
@@ -111,7 +140,12 @@ def along_axes(pair: Horizontals, axis: float | None = None) -> PairRecord:
     axis : float | None
         Azimuth of axis x, degrees clockwise from north; None for the azimuth of the first
         component.
+    larger : bool
+        As in `PairRecord`; default False.
     """
+    # Imported here, because most runs have one direction.
+    from tdint.ground_motion.horizontals import azimuth
+
     first, second = (pair.first, pair.second)[:: -1 if pair.exchanged else 1]
     first = replace(first, notes=(*first.notes, *pair.notes))
     first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
@@ -119,13 +153,16 @@ def along_axes(pair: Horizontals, axis: float | None = None) -> PairRecord:
         names = " and ".join(record.name for record in (first, second))
         effect = "" if axis is None else f"; the azimuth {axis:g} of axis x has no effect"
         note = f"{names} state no azimuths: the first acts along x, the second along y{effect}"
-        return PairRecord.of(replace(first, notes=(*first.notes, note)), second)
+        return PairRecord(replace(first, notes=(*first.notes, note)), second, larger=larger)
     angles, axis = (first_azimuth, second_azimuth), first_azimuth if axis is None else axis
     # Angles of the components from x towards y. Without a rotation, the samples are unchanged.
     turns = [(angle - axis) % 360.0 for angle in angles]
     if turns == [0.0, 90.0]:
-        return PairRecord.of(first, second)
-    directions = [[math.cos(math.radians(turn)), math.sin(math.radians(turn))] for turn in turns]
+        return PairRecord(first, second, larger=larger)
+    directions = np.array([(math.cos(turn), math.sin(turn)) for turn in map(math.radians, turns)])
+    # A turn by right angles exchanges the components without rounding.
+    is_right = np.remainder(turns, 90.0) == 0.0
+    directions[is_right] = np.rint(directions[is_right])
     # Each component is the projection of the motion on its direction, also if the directions are
     # not exactly at right angles.
     samples = np.linalg.solve(directions, [first.acceleration, second.acceleration])
@@ -143,4 +180,4 @@ def along_axes(pair: Horizontals, axis: float | None = None) -> PairRecord:
         )
         for record, acceleration, turn in zip((first, second), samples, (0.0, 90.0), strict=True)
     )
-    return PairRecord.of(x, y)
+    return PairRecord(x, y, larger=larger)

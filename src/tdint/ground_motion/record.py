@@ -178,7 +178,7 @@ class Record(Tabular):
     def _headline(self) -> str:
         """Return the name, number of samples, sampling interval and peak ground acceleration."""
         return (
-            f"{self.name}: {pluralize(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA "
+            f"{self.name}: {pluralize(self.samples, 'sample')}, dt {self.dt:.6g} s, PGA "
             f"{self.pga:.4g} m/s^2"
         )
 
@@ -247,14 +247,19 @@ class Record(Tabular):
         return hashlib.sha256(self.acceleration.tobytes() + repr(self.dt).encode()).hexdigest()
 
     @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return self.acceleration.size
+
+    @property
     def duration(self) -> float:
         """Time from the first to the last sample, s."""
-        return (self.acceleration.size - 1) * self.dt
+        return (self.samples - 1) * self.dt
 
     @property
     def time(self) -> NDArray[np.float64]:
         """Times of the samples from 0 at the first sample, s, shape (samples,)."""
-        return np.asarray(self.dt * np.arange(self.acceleration.size), np.float64)
+        return np.asarray(self.dt * np.arange(self.samples), np.float64)
 
     @property
     def pga(self) -> float:

@@ -286,7 +286,7 @@ def run_page(
     response: Response,
     page_text: PageText,
     *,
-    floors: Sequence[FloorSpectrum] = (),
+    floors: Sequence[Sequence[FloorSpectrum]] = (),
     units: OutputUnits = SI,
 ) -> bytes:
     """Return the report of a run.
@@ -295,29 +295,21 @@ def run_page(
     ----------
     response : Response
         Result of the run, with its response history if the report has its figure.
-    floors : sequence of FloorSpectrum
-        Requested floor spectra; none by default.
+    floors : sequence of sequences of FloorSpectrum
+        Requested floor spectra of the run, or of both directions; none by default.
     """
-    model, check, units = response.model, response.check, page_units(units)
-    table = story_table(response.stories, check.errors if check else None).in_units(units)
-    columns = {_quantity(table, name): name for name in table.columns}
-    names = [columns[quantity] for quantity in _STORY_COLUMNS if quantity in columns]
-    histories = Picture(
-        lambda: figures.runs.run_picture(response, units),
-        "Response histories, energies, profiles, hysteresis loops",
-    )
-    elements: list[Part] = []
-    if all_elements := element_table(response):
-        element_names = [column.name for column in ELEMENT_COLUMNS]
-        elements.append(all_elements.chosen(element_names).in_units(units))
-    spectra = Picture(
-        lambda: figures.floor_spectra.floor_picture(
-            floors, units, title=model.name, period=first_period(model)
-        ),
-        "Floor spectra",
-    )
+    model, units = response.model, page_units(units)
+    picture, caption = figures.runs.run_picture, "energies, profiles, hysteresis loops"
+    parts: dict[str, Response] = {"": response}
+    if response.directions:
+        picture, caption = figures.runs.plan_picture, "drifts in plan, profiles"
+        names = (", direction x", ", direction y", ", both directions")
+        parts = dict(zip(names, (*response.directions, response), strict=True))
+    histories = Picture(partial(picture, response, units), f"Response histories, {caption}")
+    has_histories = response.history is not None or response.directions
+    records = [part.record for part in response.directions or (response,)]
     chapters = [
-        page_text.result(*([histories] if response.history is not None else [])),
+        page_text.result(*([histories] if has_histories else [])),
         Chapter("Limits", _limit_parts(response, page_text, units)),
         Chapter("Base shear and pushover", _pushover_parts(response, units)),
         assumptions(
@@ -326,19 +318,13 @@ def run_page(
             (),
         ),
         Chapter("Notes", (once(response.notes),)),
-        Chapter(
-            "Peaks of the stories",
-            (
-                _SHEARS.format(model.forces_of_total_shear) if model.forces_of_total_shear else "",
-                table.chosen(["story", *names]),
-                *_errors_of_run(response, table, names),
-            ),
-        ),
-        Chapter("Elements of the stories", elements),
-        Chapter("Attachments and links", _device_parts(response, units)),
-        Chapter("Floor spectra", (spectra,) if floors else ()),
+    ]
+    spectra = dict(zip(parts, floors, strict=False))
+    for name, part in parts.items():
+        chapters += _chapters_of_peaks(part, name, spectra.get(name, ()), units)
+    chapters += [
         model_chapter(model, units, response.stories),
-        unscaled_motions([response.record] if response.record else [], model, units),
+        unscaled_motions([record for record in records if record], model, units),
         _load_chapter(model, response.steps * response.dt, units),
     ]
     return page(
@@ -347,6 +333,39 @@ def run_page(
         chapters,
         page_text,
     )
+
+
+def _chapters_of_peaks(
+    response: Response, name: str, floors: Sequence[FloorSpectrum], units: OutputUnits
+) -> list[Chapter]:
+    """Return the chapters of the peaks of a run: of stories, elements, attachments and links, and
+    floors. `name` is the end of their titles, such as `, direction x`."""
+    model, check = response.model, response.check
+    table = story_table(response.stories, check.errors if check else None).in_units(units)
+    columns = {_quantity(table, column): column for column in table.columns}
+    names = [columns[quantity] for quantity in _STORY_COLUMNS if quantity in columns]
+    elements: list[Part] = []
+    if all_elements := element_table(response):
+        element_names = [column.name for column in ELEMENT_COLUMNS]
+        elements.append(all_elements.chosen(element_names).in_units(units))
+    spectra = Picture(
+        lambda: figures.floor_spectra.floor_picture(
+            floors, units, title=model.name, period=first_period(model)
+        ),
+        f"Floor spectra{name}",
+    )
+    forces = model.forces_of_total_shear
+    peaks = (
+        _SHEARS.format(forces) if forces else "",
+        table.chosen(["story", *names]),
+        *_errors_of_run(response, table, names),
+    )
+    return [
+        Chapter(f"Peaks of the stories{name}", peaks),
+        Chapter(f"Elements of the stories{name}", elements),
+        Chapter(f"Attachments and links{name}", _device_parts(response, units)),
+        Chapter(f"Floor spectra{name}", (spectra,) if floors else ()),
+    ]
 
 
 def _load_chapter(model: Model, end: float, units: OutputUnits) -> Chapter:

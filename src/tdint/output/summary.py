@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.files import INPUT_DIGESTS
+from tdint.ground_motion.axes import pga_of
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.output.tables.table import converted, described_in, digits
@@ -195,9 +196,9 @@ def motion_summary(record: Record) -> dict[str, Any]:
         "file": record.source,
         **{name: getattr(record, name) for name in attributes},
         "dt_s": record.dt,
-        "samples": record.acceleration.size,
+        "samples": record.samples,
         "duration_s": record.duration,
-        "pga_m_s2": record.pga,
+        "pga_m_s2": pga_of(record),
         "scale": record.scale,
         "processing": list(record.processing),
         "warnings": list(record.warnings),

@@ -151,7 +151,7 @@ def pair_of(model: Model, motion: Any) -> PairRecord | None:
                 f"{x.scale:g} for x and {y.scale:g} for y; scale the samples of one file instead"
             )
         records = [model_record(part) for part in model.directions]
-        return PairRecord.of(*(record for record in records if record is not None))
+        return PairRecord(*(record for record in records if record is not None))
     return pair_of_files(model, [x.file], x.choice).scaled(x.scale)
 
 

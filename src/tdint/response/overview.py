@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
+from tdint.ground_motion.axes import pga_of
 from tdint.methods.catalogue import method_of, parse
 from tdint.model.building import assemble, period
 from tdint.model.config.model_file import load_with_checks
@@ -150,7 +151,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         and source_of_record.file != "-"
         and (record := model_record(model))
     ):
-        pga, interval = record.pga, record.dt
+        pga, interval = pga_of(record), record.dt
     first_period = period(omega)
     # The damped modes of taller buildings need seconds.
     has_complex_modes = building.damped_by_devices and building.stories <= _MAX_COMPLEX_STORIES

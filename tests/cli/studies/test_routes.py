@@ -2,10 +2,12 @@
 others, functions by building, incremental dynamic analyses, shards and numbers of jobs."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tdint as package
 from csv_rows import rows
 from peer_files import write_at2
 
@@ -135,16 +137,104 @@ def test_stripes_of_a_campaign_of_counts_and_of_an_ida(folder, tdint, components
     assert numbers(other, "peak_drift_ratio") == pytest.approx(numbers(run, "peak_drift_ratio"))
 
 
-def test_shards_and_jobs(folder, tdint):
-    """The tables of shards that are merged, and of one and two jobs, have equal bytes."""
+@pytest.mark.parametrize("demand", ["larger", "mean", "separate"])
+def test_limits_of_pairs(folder, tdint, demand):
+    """The mean demand that is compared with a limit has one value in Python, in a run of several
+    records and in a campaign: that of the components, combined here."""
     write_study(folder, 2, pairs=3)
-    write_campaign(folder, "intensity: {scales: [1, 2]}\nvary: {stiffness_factor: [0.9, 1.1]}")
-    tables = ("runs.csv", "profiles.csv")
+    write_campaign(folder, "intensity: {scales: [0.5]}")
+    files = sorted(map(str, Path("records").iterdir()))
+    records = [package.read_record(file).scaled(0.5) for file in files]
+    drifts = [
+        package.run("frame.yaml", record, check=False).stories.peak_drift_ratio
+        for record in records
+    ]
+    pairs = np.reshape(drifts, (3, 2))
+    combined = {"larger": pairs.max(axis=1), "mean": pairs.mean(axis=1), "separate": pairs}[demand]
+    ((check,),) = (
+        package.run_many("frame.yaml", files, scales=0.5).limit_checks(0.02, demand).values()
+    )
+    assert check.demand == pytest.approx(np.mean(combined), rel=1e-12)
+    assert (check.largest, check.motions) == (np.max(combined), np.size(combined))
+    number = np.argmax(combined) + 1
+    if demand != "separate":
+        assert check.motion == f"records/RSN{number}_STA{number}010+100.AT2"
+    rule = ("--pair-demand", demand)
+    tdint("run", "frame.yaml", "records", "--scale", "0.5", *rule, "-o", "many", code=0)
+    text = (
+        (folder / "study.yaml")
+        .read_text()
+        .replace("[records]", f"[records], pair_demand: {demand}")
+    )
+    (folder / "study.yaml").write_text(text)
+    tdint("campaign", "study.yaml", "-o", "out", code=0)
+    for name in ("many", "out"):
+        (row,) = [
+            row
+            for row in rows(folder / name / "profiles.csv")
+            if row["quantity"] == "peak_drift_ratio"
+        ]
+        assert numbers(row, "mean") == [pytest.approx(check.demand, rel=1e-9)]
+        assert int(row["runs"]) == check.motions
+
+
+@pytest.mark.parametrize("kind", ["records", "pairs", "two directions"])
+def test_shards_and_jobs(folder, tdint, kind):
+    """The tables of shards that are merged, and of one and two jobs, have equal bytes; `ida` and
+    functions as well, with one and several measures."""
+    write_study(folder, 1 if kind == "records" else 2, pairs=3)
+    sweep = "vary: {stiffness_factor: [0.9, 1.1]}"
+    if kind == "two directions":
+        (folder / "frame.yaml").write_text(MODEL + "excitation: {azimuth: 10}\n")
+        (folder / "other.yaml").write_text(
+            MODEL.replace("name: frame", "name: other").replace("16000", "14000")
+            + "excitation: {azimuth: 10}\n"
+        )
+        sweep = ""
+    write_campaign(folder, f"intensity: {{scales: [0.4, 0.6, 0.8]}}\n{sweep}")
+    if kind == "two directions":
+        text = (
+            (folder / "study.yaml").read_text().replace("[frame.yaml]", "[frame.yaml, other.yaml]")
+        )
+        (folder / "study.yaml").write_text(text)
+    measures = ("--im", "sa,pga,pgv")
     for jobs in ("1", "2"):
-        tdint("campaign", "study.yaml", "-o", f"jobs{jobs}", "--jobs", jobs, code=0)
+        tdint("campaign", "study.yaml", "-o", f"jobs{jobs}", "--jobs", jobs, *measures, code=0)
         tdint("campaign", "study.yaml", "-o", f"part{jobs}", "--shard", f"{jobs}/2", code=0)
+        pairs = ("--pairs", "geometric-mean") if kind == "pairs" else ()
+        ida = ("ida", "frame.yaml", "records", "--period", "0.5", "--jobs", jobs, *pairs)
+        tdint(*ida, "--threshold", str(LIMIT), "-o", f"ida{jobs}", code=0)
     tdint("campaign", "merge", "part1", "part2", "-o", "merged", code=0)
-    for name in tables:
+    for name in ("runs.csv", "profiles.csv", "measures.csv"):
         right = (folder / "jobs1" / name).read_bytes()
         assert (folder / "jobs2" / name).read_bytes() == right
-        assert (folder / "merged" / name).read_bytes() == right
+        # Other measures require the models, which merge does not read.
+        assert name == "measures.csv" or (folder / "merged" / name).read_bytes() == right
+    for file in (folder / "ida1").glob("*.csv"):
+        assert (folder / "ida2" / file.name).read_bytes() == file.read_bytes(), file.name
+    functions = ("--by", "building", "--threshold", "0.5%", "--im", "sa", "--fit", "cloud")
+    right = tdint("fragility", "jobs1", *functions, code=0).stdout
+    assert len(rows(right)) == 2
+    for folder_name in ("jobs2", "merged"):
+        assert tdint("fragility", folder_name, *functions, code=0).stdout == right
+
+
+def test_one_and_several_measures_in_two_directions(folder, tdint):
+    """The fits of several measures are the single fits, and those by building and of `--by`."""
+    write_study(folder, 2)
+    (folder / "frame.yaml").write_text(MODEL + "excitation: {azimuth: 10}\n")
+    write_campaign(folder, "intensity: {scales: [1, 1.6, 2.2]}")
+    tdint("campaign", "study.yaml", "-o", "out", "--im", ",".join(MEASURES), code=0)
+    several = tdint("fragility", "out", "--im", ",".join(MEASURES), code=0)
+    compared = {row["im"]: row for row in rows(several.stdout)}
+    fit = ("--fit", "cloud", "--threshold", str(LIMIT))
+    for measure in MEASURES:
+        line = compared[measure]
+        (single,) = rows(tdint("fragility", "out", "--im", measure, *fit, code=0).stdout)
+        assert numbers(line, "slope", "beta") == pytest.approx(numbers(single, "b1", "sigma"))
+        assert int(line["runs"]) + int(line["left_out"]) == int(single["runs"]) == 24
+        assert single["motions"] == "8" and single["im"].startswith("geometric-mean-")
+        by = ("fragility", "out", "--im", measure, *fit, "--by", "building")
+        (building,) = rows(tdint(*by, code=0).stdout)
+        same = ("theta", "beta", "theta_error", "beta_error", "runs", "motions", "a0", "a1")
+        assert numbers(building, *same) == pytest.approx(numbers(single, *same), nan_ok=True)

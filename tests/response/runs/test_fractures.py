@@ -7,8 +7,9 @@ import tdint
 from registered import plain as interpreted  # noqa: F401
 from tdint.output.tables.devices import device_rows, device_tables
 from tdint.output.tables.elements import element_table
+from tdint.response.pairs import Run
 from tdint.response.runs.batch import Subject
-from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run
+from tdint.studies.campaign.chunks import Batch, CampaignSettings
 
 YIELD_FORCE, STIFFNESS = 6e4, 4e6  # N, N/m: the yield drift is 15 mm
 ROD = {

@@ -22,10 +22,11 @@ from building_cases import (
 )
 from random_buildings import checked_building
 from tdint import load_model, run
+from tdint.response.pairs import Run
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import AT_REST, REST_PERIODS
 from tdint.response.runs.outcome import FailedRun
-from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run
+from tdint.studies.campaign.chunks import Batch, CampaignSettings
 from tdint.units import parse_output_units
 
 ROOT = Path(__file__).parents[3]

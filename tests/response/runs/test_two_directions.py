@@ -1,17 +1,19 @@
 """Runs in two directions: resultants, rotation of components, ends and refusals."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import tdint
 from el_centro import el_centro
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.ground_motion.axes import PairRecord, along_axes
+from tdint.ground_motion.axes import PairRecord, along_axes, pga_of
 from tdint.ground_motion.horizontals import find_horizontals
+from tdint.ground_motion.measures import measure
 from tdint.response.runs.history import HISTORIES_OF_MANY, values_of
 from tdint.response.runs.outcome import Resultant
 from tdint.response.runs.two_directions import combined, lines, peak_of_vector
@@ -101,12 +103,12 @@ def test_bilinear_building_agrees_with_a_second_solver():
     samples = np.zeros_like(x.acceleration)
     samples[delay:] = -0.7 * x.acceleration[:-delay]
     y = tdint.make_record(samples, dt=x.dt, units="m/s^2")
-    result = tdint.run(REFERENCE, PairRecord.of(x, y), dt=x.dt / 4)
+    result = tdint.run(REFERENCE, PairRecord(x, y), dt=x.dt / 4)
     drift = result.resultants.drift
     assert_allclose(drift.value, [0.02881306, 0.01548767, 0.01212229], rtol=5e-6)
     assert_allclose(drift.x, [0.02881136, 0.01472212, 0.00757749], rtol=5e-6)
     assert_allclose(drift.y, [0.02498324, 0.01297994, 0.01209508], rtol=5e-6)
-    coarse = tdint.run(REFERENCE, PairRecord.of(x, y), method="newmark-average").resultants.drift
+    coarse = tdint.run(REFERENCE, PairRecord(x, y), method="newmark-average").resultants.drift
     assert (np.abs(coarse.value - drift.value) <= coarse.error).all()
 
 
@@ -251,11 +253,64 @@ def test_collapse_of_a_direction_ends_the_resultants():
 )
 def test_unequal_components_are_refused(y, message):
     with pytest.raises(RecordError, match=message):
-        PairRecord.of(_record(_motion(1), start="2026-01-01T00:00:00"), y)
+        PairRecord(_record(_motion(1), start="2026-01-01T00:00:00"), y)
+
+
+def test_a_pair_has_no_motion_of_its_own():
+    """Nothing is taken from one component in silence: intensities are geometric means, and other
+    quantities of a motion are those of the components."""
+    case = tdint.prepare(LINEAR, (X, Y))
+    pair = tdint.run_case(case, duration=0.2).record
+    for quantity in (
+        lambda: pair.acceleration,
+        lambda: pair.pga,
+        lambda: tdint.spectrum(pair, 0.5),
+        lambda: measure(pair),
+        lambda: case.ground,
+    ):
+        with pytest.raises(AttributeError, match="use its `components`"):
+            quantity()
+    assert [part.component for part in pair.components] == ["000", "090"]
+    assert pair.duration == X.duration
+    assert pga_of(pair) == pytest.approx(np.sqrt(X.pga * Y.pga))
+    assert all(f"PGA {part.pga:.4g}" in repr(pair) for part in (X, Y))
+    for single in (lambda: case.under(X), lambda: tdint.run_many(LINEAR, [X])):
+        with pytest.raises((RecordError, UsageError), match="horizontal component"):
+            single()
+    moved = pickle.loads(pickle.dumps(pair.scaled(2.0)))
+    assert moved.scale == 2.0 and moved.digest == pair.scaled(2.0).digest
+
+
+@pytest.mark.parametrize("model", [LINEAR, REFERENCE])
+def test_many_runs_of_pairs_are_single_runs(model):
+    """Pairs in any form have the peaks, errors and status of `run`; what one run cannot do for two
+    directions is refused with the other way."""
+    pairs = [(X, Y), find_horizontals([X, Y]), tdint.prepare(model, (X, Y)).record]
+    many = tdint.run_many(model, pairs, scales=[0.5, 1.0], check=True)
+    for number, run in enumerate(many):
+        single = tdint.run(model, PairRecord(X, Y).scaled(float(many.scale[number])))
+        assert many.status[number] == single.status and many.steps[number] == single.steps
+        for name in ("peak_drift", "peak_shear", "peak_absolute_acceleration", "residual_drift"):
+            assert_allclose(getattr(many.stories, name)[number], getattr(single.stories, name))
+            errors = getattr(single.check.errors, name)
+            assert_allclose(getattr(many.errors, name)[number], errors)
+        assert run.records == many.records
+    ((check,), _) = many.limit_checks(0.01).values() if model is LINEAR else (((None,), None))
+    assert check is None or check.motions == 3
+    for message, call in {
+        "for each direction": lambda: tdint.run_many(model, [(X, Y)], history="drift"),
+        "two directions; write": lambda: tdint.run_many(model, [(X, Y)], vary={"damping": [0.1]}),
+        "separately": lambda: tdint.run_many([model, EQUAL], [(X, Y)]),
+        "a sequence requires one direction": lambda: tdint.run_sequence(
+            tdint.prepare(model, (X, Y)), [X, X]
+        ),
+    }.items():
+        with pytest.raises(UsageError, match=message):
+            call()
 
 
 def test_components_of_different_durations_need_an_earlier_end():
-    pair = PairRecord.of(X, _record(_motion(2)[:400]))
+    pair = PairRecord(X, _record(_motion(2)[:400]))
     with pytest.raises(UsageError, match=r"last 9.98 and 7.98 s; trim or pad"):
         tdint.run(LINEAR, pair)
     assert tdint.run(LINEAR, pair, duration=7.0).steps == 350
@@ -381,17 +436,27 @@ def test_linear_buildings_run_on_after_the_collapse_drift():
     assert started.status == "collapsed" and not started.collapse.ended and started.steps == 499
 
 
-def test_a_rotated_pair_exchanges_the_directions():
-    """A pair that is rotated by 90 degrees exchanges x and y to rounding."""
-    first = _collapsing(x={"stiffness": 4e7}, y={"stiffness": 2e7})
-    second = _collapsing(x={"stiffness": 2e7}, y={"stiffness": 4e7})
-    for model in (first, second):
-        model["collapse_drift"] = 0.5
-    one, other = tdint.run(first, (X, Y)), tdint.run(second, (Y, X))
-    assert one.stories.peak_drift == pytest.approx(other.stories.peak_drift, rel=1e-12)
-    assert one.energy.input == pytest.approx(other.energy.input, rel=1e-12)
-    for part, mirrored in zip(one.directions, other.directions[::-1], strict=True):
-        assert part.stories.peak_shear == pytest.approx(mirrored.stories.peak_shear, rel=1e-12)
+@pytest.mark.parametrize("azimuth", [90.0, 180.0, 270.0])
+def test_a_rotated_pair_exchanges_the_directions(azimuth):
+    """A pair that is rotated by right angles exchanges x and y exactly."""
+    stiffness = ({"stiffness": 4e7, "law": COLLAPSING}, {"stiffness": 2e7})
+    turned = stiffness if azimuth == 180.0 else stiffness[::-1]
+    runs = [
+        tdint.run(
+            _collapsing(x=x, y=y) | {"excitation": {"azimuth": axis}, "collapse_drift": 0.5},
+            find_horizontals([X, Y]),
+        )
+        for (x, y), axis in ((stiffness, 0.0), (turned, azimuth))
+    ]
+    directions = runs[1].directions[:: 1 if azimuth == 180.0 else -1]
+    pairs = [*zip(runs[0].directions, directions, strict=True), runs]
+    for name in ("peak_drift", "peak_shear", "ductility", "peak_absolute_acceleration"):
+        for one, other in pairs:
+            values = [getattr(part.stories, name) for part in (one, other)]
+            assert_array_equal(*values, err_msg=name)
+            errors = [getattr(part.check.errors, name) for part in (one, other)]
+            assert_allclose(*errors, rtol=1e-6, err_msg=name)
+    assert runs[0].energy.input == pytest.approx(runs[1].energy.input, rel=1e-14)
 
 
 def test_devices_without_an_estimate_in_one_direction():

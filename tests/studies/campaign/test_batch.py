@@ -12,13 +12,14 @@ import tdint
 from selection import every
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.record import Record
+from tdint.response.pairs import Run
 from tdint.response.runs.batch import Outcomes, Subject, run_batch
 from tdint.response.runs.demands import DEMANDS, demands
 from tdint.response.runs.outcome import STORY_QUANTITIES, FailedRun
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.runs.run_values import demand_errors
 from tdint.response.runs.sequence import run_sequence
-from tdint.studies.campaign.chunks import REPEATS, Batch, CampaignSettings, Run, RunRow
+from tdint.studies.campaign.chunks import REPEATS, Batch, CampaignSettings, RunRow
 
 RECORDS = {
     number: tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")

@@ -13,12 +13,12 @@ from scipy.linalg import eigh
 from building_cases import model, noise, story
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.response.pairs import recording_numbers
 from tdint.response.runs.damage import divisor_and_period as type_of_model
 from tdint.response.spectra.target import TargetSpectrum, read_target
 from tdint.studies.campaign.definition import AnalysisOverrides, InventoryFile
 from tdint.studies.campaign.inputs import adapted, read_rows
 from tdint.studies.motions.intensity import sa
-from tdint.studies.motions.pairs import recording_numbers
 from tdint.studies.motions.scaling import scale, scale_p695
 from tdint.studies.store.result_store import all_differences, differences
 

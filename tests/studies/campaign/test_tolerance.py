@@ -9,11 +9,12 @@ import pytest
 import tdint
 from selection import every
 from tdint.ground_motion.record import Record
+from tdint.response.pairs import Run
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import Case
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.step_choice import choose_step, step_within
-from tdint.studies.campaign.chunks import Batch, CampaignSettings, Rows, Run, building_step
+from tdint.studies.campaign.chunks import Batch, CampaignSettings, Rows, building_step
 
 
 def first_part(name: str, component: str, samples: int = 1601) -> Record:

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from tdint.response.pairs import COLLAPSED, COMPLETED, Run
 from tdint.response.runs.outcome import STORY_QUANTITIES
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import Profile, Statistics, ratios, story_pairs
-from tdint.studies.motions.pairs import COLLAPSED, COMPLETED
 
 
 def profile(name: str, drifts: dict[int, list[float]], collapsed=(), heights=(), isolators=()):

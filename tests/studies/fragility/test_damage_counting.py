@@ -13,12 +13,11 @@ from tdint import run
 from tdint.model.building import assemble
 from tdint.model.damage_states import DamageStates
 from tdint.model.status import DONE, FALLEN
+from tdint.response.pairs import COLLAPSED, COMPLETED, FAILED, PairRule, Run
 from tdint.response.runs.damage import probabilities
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import SuiteRules
 from tdint.studies.fragility.building_damage import BuildingDamage, TypeDamage
 from tdint.studies.ida.ida import _elastic_scale
-from tdint.studies.motions.pairs import COLLAPSED, COMPLETED, FAILED, PairRule
 
 STATES = DamageStates(
     "drift_ratio",

@@ -16,9 +16,10 @@ from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
+from tdint.response.pairs import Place
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.run_values import RUN
-from tdint.studies.campaign.chunks import Batch, Place, RunRow
+from tdint.studies.campaign.chunks import Batch, RunRow
 from tdint.studies.ida import ida_report
 from tdint.studies.ida.ida import IdaSettings, _elastic_scale, ida
 from tdint.studies.ida.ida_curve import (

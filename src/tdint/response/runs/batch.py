@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
+from tdint.ground_motion.axes import components_of
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -107,7 +108,7 @@ class Subject:
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
         across = None
         if self.across is not None:
-            across = self.across.case(getattr(scaled, "across", None))
+            across = self.across.case(components_of(scaled)[1])
         model, *_ = self.model.directions
         return Case(model, self.prepared, scaled, self.integrator, across=across)
 
@@ -325,9 +326,12 @@ def run_batch(
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
 
-    def integrate_alone(run_case: Case, steps: Steps, history: bool, to_rest: bool) -> Response:
+    def integrate_alone(
+        run_case: Case, steps: Steps, history: bool, to_rest: bool, history_errors: bool = False
+    ) -> Response:
         """Integrate a run with a single direction individually."""
-        integrate_case = run_with_error_estimate if check else Case.integrate
+        checked = partial(run_with_error_estimate, history_errors=history_errors)
+        integrate_case = checked if check else Case.integrate
         if not to_rest:
             return integrate_case(run_case, steps, history)
         # The run ends at the requested time, so that no drift change after this time is estimated.
@@ -344,10 +348,12 @@ def run_batch(
             return integrate_alone(run_case, steps, has_history, to_rest)
         from tdint.response.runs.two_directions import integrate_directions
 
-        def integrate_part(part: Case, settings: RunSettings, **_: Any) -> Response:
+        def integrate_part(
+            part: Case, settings: RunSettings, history_errors: bool, **_: Any
+        ) -> Response:
             """Integrate one direction of the run, with its history."""
             steps = part.steps(settings.dt, settings.duration)
-            return integrate_alone(part, steps, True, settings.until_rest)
+            return integrate_alone(part, steps, True, settings.until_rest, history_errors)
 
         duration = None if steps.continues else steps.end
         settings = RunSettings(dt=steps.h, duration=duration, until_rest=to_rest, check=check)

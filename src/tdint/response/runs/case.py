@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.axes import components_of
 from tdint.ground_motion.measures import baseline_notes, cut_off
 from tdint.ground_motion.record import Record, velocity_warnings
 from tdint.kernels import layout as rows
@@ -164,6 +165,13 @@ class Case(Described):
         """Building as arrays."""
         return self.prepared.building
 
+    @property
+    def directions(self) -> tuple[Case, ...]:
+        """The case, or the cases of x and y of a building in two directions."""
+        if self.across is None:
+            return (self,)
+        return replace(self, record=components_of(self.record)[0], across=None), self.across
+
     @cached_property
     def ground(self) -> Array:
         """Ground acceleration at the samples, m/s^2; a single zero if the ground is at rest."""
@@ -210,9 +218,7 @@ class Case(Described):
         """
         if self.across is None:
             return replace(self, record=record)
-        return replace(
-            self, record=record, across=self.across.under(getattr(record, "across", None))
-        )
+        return replace(self, record=record, across=self.across.under(components_of(record)[1]))
 
     def integrated_by(self, method: Integrator) -> Case:
         """Return the same building and ground motion with another method, as a silent case.
@@ -234,7 +240,7 @@ class Case(Described):
         """Return the same case without warnings and notes (`silent`)."""
         return replace(self, silent=True, across=self.across and self.across.silenced())
 
-    def throughout(self, record: Record) -> Case:
+    def throughout(self, record: Record | None) -> Case:
         """Return the same building and method under another ground motion, without the duration in
         the model's `analysis` section.
 
@@ -243,10 +249,10 @@ class Case(Described):
         record : Record
             Ground motion.
         """
-        if self.model.analysis.duration is None:
-            return self.under(record)
         analysis = replace(self.model.analysis, duration=None)
-        return replace(self, model=replace(self.model, analysis=analysis), record=record)
+        across = self.across and self.across.throughout(components_of(record)[1])
+        model = replace(self.model, analysis=analysis)
+        return replace(self, model=model, record=record, across=across)
 
     def scaled(self, factor: float) -> Case:
         """Return the same case with the ground motion multiplied by a factor other than zero.

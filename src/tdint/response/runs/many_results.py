@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from operator import itemgetter
@@ -174,21 +175,25 @@ class Runs(Tabular):
         return runs, each_array(lambda array: array[runs, :n], self.stories)
 
     def limit_checks(
-        self, limit: float | str | None = None
+        self, limit: float | str | None = None, pair_demand: str = "larger"
     ) -> dict[tuple[str, str], tuple[LimitCheck, ...]]:
-        """Compare the mean demands over the records with limits, as `tdint run` and campaigns do.
+        """Compare the mean demands over the ground motions with limits, as `tdint run` does for
+        several records, and campaigns do.
 
         The records of a building with equal varied parameters are a suite. If a record has several
         factors, its smallest factor belongs to the first suite, and so on. The mean is computed in
-        each story, over the records without collapse; a building that collapsed or failed under a
-        record does not meet any limit. Each record is one ground motion, also if it is a component
-        of a pair.
+        each story, over the ground motions without collapse; a building that collapsed or failed
+        under a ground motion does not meet any limit.
 
         Parameters
         ----------
         limit : float or str, optional
             Drift limit that is used instead of the limits of the models, or the name of a
             performance level of the models. By default, all limits of the models.
+        pair_demand : str, default "larger"
+            Demand of two records that are the components of a pair by their names, with equal
+            factors: the `larger` or the `mean` demand of both, as one ground motion; `separate`:
+            each component is a ground motion.
 
         Returns
         -------
@@ -199,24 +204,47 @@ class Runs(Tabular):
         Raises
         ------
         UsageError
-            A building has no story with a height, or no such performance level.
+            A building has no story with a height, or no such performance level, or `pair_demand` is
+            unknown.
+        RecordError
+            The components of a pair differ in sampling interval, length or event.
         """
+        from tdint.ground_motion.horizontals import pair_name
+        from tdint.ground_motion.reading.suites import suite_motions
         from tdint.model.limits import check_demands
+        from tdint.response import pairs
 
+        motions = suite_motions(self.records)
+        rule = pairs.PairRule.from_motions(motions, pairs.check_pair_demand(pair_demand))
+        pairs.check_pairs(motions, rule)
         checks = {}
         for (model, level), runs in self._suites().items():
             building = self.models[model]
             n = len(building.stories)
-            standing = runs[self.status[runs] == "done"]
-            peaks = vars(each_array(itemgetter((standing, slice(n))), self.stories))
+            records = self.record[runs].tolist()
+            motion = rule.motions_of(list(map(pairs.Run, records, self.scale[runs].tolist())))
+            outcome = pairs.outcomes_of_motions(motion, pairs.outcomes_of(self.status[runs]))
+            is_completed = outcome == pairs.COMPLETED
+            ends = np.array([pairs.first_runs(motion), pairs.last_runs(motion)]).T[is_completed]
+            components = [[self.records[records[run]] for run in both] for both in ends.tolist()]
+            names = [
+                first.name if first is last else pair_name(first.source, last.source)
+                for first, last in components
+            ]
+            peaks = {
+                name: pairs.demands_of_motions(motion, abs(values), rule.demand)[is_completed]
+                for name, values in vars(
+                    each_array(itemgetter((runs, slice(n))), self.stories)
+                ).items()
+            }
             checks[building.name, level] = check_demands(
                 building.limits,
                 limit,
                 peaks,
                 np.array([story.height or math.nan for story in building.stories]),
-                [self.records[record].name for record in self.record[standing]],
+                names,
                 name=building.name,
-                has_failure=standing.size < runs.size,
+                has_failure=not is_completed.all(),
             )
         return checks
 
@@ -290,18 +318,14 @@ class Runs(Tabular):
         record has several factors, each factor belongs to another suite.
         """
         varied = {name: values for name, values in self.varied.items() if name != SCALE}
-        # First group the runs by building, varied parameters and record, with increasing factors.
-        # The run with the factor of rank r in each group belongs to suite r.
-        runs_of: dict[tuple[Any, ...], list[int]] = {}
-        for run in sorted(range(len(self.model)), key=lambda run: abs(self.scale[run])):
-            values = tuple(float(values[run]) for values in varied.values())
-            runs_of.setdefault((int(self.model[run]), values, int(self.record[run])), []).append(
-                run
-            )
+        # The run with the factor of rank r under its record belongs to suite r.
+        ranks: Counter[tuple[Any, ...]] = Counter()
         suites: dict[tuple[int, tuple[float, ...], int], list[int]] = {}
-        for (model, values, _), runs in runs_of.items():
-            for rank, run in enumerate(runs, start=1):
-                suites.setdefault((model, values, rank), []).append(run)
+        for run in np.argsort(np.abs(self.scale), kind="stable").tolist():
+            building = int(self.model[run]), tuple(float(all_of[run]) for all_of in varied.values())
+            record = (*building, int(self.record[run]))
+            ranks[record] += 1
+            suites.setdefault((*building, ranks[record]), []).append(run)
         # A suite is named by its factor if all its records have the same factor, otherwise by its
         # rank.
         named = {}

@@ -10,6 +10,7 @@ import numpy as np
 
 from tdint.arrays import Numbers
 from tdint.errors import UsageError
+from tdint.ground_motion.axes import components_of
 from tdint.methods.catalogue import method_of, parse
 from tdint.response.arguments import (
     AnyModel,
@@ -269,12 +270,11 @@ def prepare(
         if initial:
             raise UsageError("initial: a run in two directions cannot continue another run")
         pair = pair_of(model, record)
-        components = pair.components if pair else (None, None)
         x, y = (
             Case(
                 part, PreparedBuilding.of(part), ground, integrator, allow_unstable, tuple(remarks)
             )
-            for part, ground in zip(model.directions, components, strict=True)
+            for part, ground in zip(model.directions, components_of(pair), strict=True)
         )
         return replace(x, record=pair, across=y)
     ground = model_record(model) if record is None else record_of(record)

@@ -30,6 +30,7 @@ from tdint.response.arguments import (
     model_of,
     model_record,
     number_of,
+    pair_of,
     record_of,
 )
 from tdint.response.run_plan import RunsRequest, plan_runs
@@ -139,9 +140,9 @@ def run_many(
     Parameters
     ----------
     models, records : one or a sequence
-        Arguments that `run` accepts, except pairs (`Horizontals`) for buildings in two directions:
-        use `run` for each of them, or a campaign. Without records, the model's record is used; a
-        model without a record runs under its forces or from its initial motion.
+        Arguments that `run` accepts; the item for a building in two directions is a pair of
+        components. Without records, the model's record is used; a model without a record runs under
+        its forces or from its initial motion.
     scales : float or sequence of float, default 1
         Factors on the ground accelerations, not zero.
     zip_records : bool, default False
@@ -303,6 +304,11 @@ def _requested(
     invalid = request.out_of_range() if errors == "keep" else {}
     plan = plan_runs(request, scales, zip_records, {draw for _, draw in invalid})
     quantities_kept = kept_quantities(history, request.width)
+    if quantities_kept and any(model.across for model in buildings):
+        raise UsageError(
+            "history: a run in two directions has a history for each direction; use "
+            "run(..., history=True).directions"
+        )
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
     threads = processors() if jobs is None else jobs
@@ -335,7 +341,14 @@ def _motions(models: Sequence[Model], records: Any) -> tuple[Record, ...]:
     """Return the ground motions of the argument `records` of `run_many`: without records, the
     record of the model, or the ground at rest."""
     if records is not None:
-        return tuple(map(record_of, as_sequence(records, "records")))
+        items = as_sequence(records, "records")
+        if not any(model.across for model in models):
+            return tuple(map(record_of, items))
+        # Imported here, because most buildings have one direction.
+        from tdint.response.pairs import common_axis
+
+        common_axis(models, "run_many")
+        return tuple(pair for item in items if (pair := pair_of(models[0], item)))
     if any(model.excitation.record for model in models):
         if len(models) > 1:
             raise UsageError("run_many: several models with records need the argument records")

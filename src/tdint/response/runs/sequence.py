@@ -175,6 +175,8 @@ def run_sequence(
     FailedRun
         As by `tdint.run`.
     """
+    if case.across is not None:
+        raise UsageError("a sequence requires one direction; use a model for each direction")
     dt, rest = number_of(dt, "dt"), number_of(rest, "rest")
     tolerance = ratio_of(tolerance, "tolerance")
     sequence = sequence_of(case, records, rest=rest, dt=dt)

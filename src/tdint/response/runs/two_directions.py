@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from operator import add
@@ -80,9 +80,11 @@ def quintics(u: Array, v: Array, a: Array, h: float) -> Array:
     )
 
 
-def lines(values: Array) -> Array:
-    """Return the coefficients of straight lines between values at time steps."""
-    return np.stack((values[:-1], values[1:] - values[:-1]))
+def lines(values: Array, terms: int = 2) -> Array:
+    """Return coefficients of straight lines between values at time steps; further terms are 0."""
+    coefficients = np.zeros((terms, len(values) - 1, *values.shape[1:]))
+    coefficients[:2] = values[:-1], np.diff(values, axis=0)
+    return coefficients
 
 
 def _accelerations(history: History, displacements: Array, h: float) -> Array:
@@ -198,12 +200,10 @@ def _peaks_of_shears(
     bounds = np.hypot(*largest)
     has_corner = np.isfinite(corners[0][2]) | np.isfinite(corners[1][2])
     # A step with a corner is a straight line here: its ends count, and not its polynomials.
-    is_line = np.broadcast_to(has_corner, x.shape)
-    smooth = []
-    for terms, history in zip((x, y), histories, strict=True):
-        line = np.zeros_like(terms)
-        line[:2] = lines(history.shear)
-        smooth.append(np.where(is_line, line, terms))
+    smooth = (
+        np.where(has_corner, lines(history.shear, len(terms)), terms)
+        for terms, history in zip((x, y), histories, strict=True)
+    )
     peaks = np.array(peak_of_vector(*smooth))
     near = np.argwhere(has_corner & (bounds > peaks[0]))
     for step, story in near[np.argsort(-bounds[tuple(near.T)])].tolist():
@@ -273,13 +273,8 @@ def _peak_in_step(
 
 # ---- Resultants of two runs
 
-_OF_HISTORY = {
-    "displacement": "peak_displacement",
-    "drift": "peak_drift",
-    "absolute_acceleration": "peak_absolute_acceleration",
-    "shear": "peak_shear",
-}
-"""Quantities with a resultant between time steps, and the names of their peaks."""
+_OF_HISTORY = ("displacement", "drift", "absolute_acceleration", "shear")
+"""Quantities with a resultant between time steps; the names of their peaks begin with `peak_`."""
 
 _NEAR_PEAK = 0.9
 """Dimensionless. Resultants of additional runs are located near the time steps with a resultant of
@@ -311,30 +306,45 @@ def resultants_of(responses: Sequence[outcome.Response], rows: int) -> outcome.R
         resultants end before a run.
     """
     h = responses[0].dt
-    histories = [each_array(lambda array: array[:rows], _history(run)) for run in responses]
+    histories = [_history(run, rows) for run in responses]
     polynomials = [_polynomials(history, h) for history in histories]
     others, by = _of_additional_runs(responses, rows), factors(parse(responses[0].method))
     result = {}
-    for name, peak_name in _OF_HISTORY.items():
+    for name in _OF_HISTORY:
+        peak = f"peak_{name}"
         length, steps, x, y = _peaks(name, histories, polynomials)
         peaks = [
-            getattr(run.stories, peak_name)
+            getattr(run.stories, peak)
             if rows == len(_history(run).time)
             else peak_of_vector(terms[name], np.zeros_like(terms[name]))[0]
             for run, terms in zip(responses, polynomials, strict=True)
         ]
-        row = np.rint(steps).astype(np.int64)
         value = np.clip(length, np.maximum(*peaks), np.hypot(*peaks))
-        error = np.hypot(*(_error(run, name, peak_name, row) for run in responses))
+        of_peaks = [
+            np.asarray(getattr(run.check.errors, peak)) if run.check else np.nan * length
+            for run in responses
+        ]
+        # Errors at the time of the resultant, if the histories have errors
+        row = np.rint(steps).astype(np.int64), np.arange(len(steps))
+        at_time = [getattr(history.error, name, None) for history in histories]
+        error = np.hypot(
+            *(
+                of_peak if errors is None else np.maximum(of_peak, np.abs(errors[row]))
+                for of_peak, errors in zip(of_peaks, at_time, strict=True)
+            )
+        )
         if name in others:
             error = np.maximum(error, extrapolated(value, others[name], value, by))
+        # A resultant that is the peak of one direction has the error of this peak: a component at
+        # right angles that is zero changes the length in the second order only.
+        of_larger = np.where(peaks[0] >= peaks[1], *of_peaks)
         result[name] = outcome.Resultant(
             value,
             h * steps,
             np.degrees(np.arctan2(y, x)) % 360.0,
             x=peaks[0],
             y=peaks[1],
-            error=error,
+            error=np.where(value > np.maximum(*peaks), error, of_larger),
         )
     return outcome.Resultants(**result)
 
@@ -375,33 +385,20 @@ def _of_additional_runs(responses: Sequence[outcome.Response], rows: int) -> dic
     gaps = np.diff(kept) > 1
     for history, terms in zip(parts, polynomials, strict=True):
         for name, values in terms.items():  # a straight line is nowhere larger than at its ends
-            values[:, gaps] = 0.0
-            values[:2, gaps] = lines(getattr(history, name))[:, gaps]
+            values[:, gaps] = lines(getattr(history, name), len(values))[:, gaps]
     return {name: _peaks(name, parts, polynomials)[0] for name in _OF_HISTORY}
 
 
 def histories_of(response: outcome.Response) -> list[History]:
     """Return the kept histories along x and y, up to the end of the combined run."""
-    rows = response.steps + 1
-    return [each_array(lambda array: array[:rows], _history(run)) for run in response.directions]
+    return [_history(run, response.steps + 1) for run in response.directions]
 
 
-def _history(response: outcome.Response) -> History:
-    """Return the kept history of a run."""
+def _history(response: outcome.Response, rows: int | None = None) -> History:
+    """Return the first rows of the kept history of a run."""
     assert response.history is not None
-    return response.history
-
-
-def _error(response: outcome.Response, name: str, peak_name: str, row: Any) -> Array:
-    """Return the estimated errors of a quantity in a direction near the rows of the histories."""
-    peaks = getattr(response.stories, peak_name)
-    if response.check is None:
-        return np.full_like(peaks, np.nan)
-    errors = np.asarray(getattr(response.check.errors, peak_name))
-    of_history = getattr(_history(response).error, name, None)
-    if of_history is not None:
-        errors = np.maximum(errors, np.abs(of_history[row, np.arange(len(errors))]))
-    return errors
+    history: History = each_array(lambda array: array[:rows], response.history)
+    return history
 
 
 def _combined(
@@ -438,13 +435,14 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
     rows = min(len(_history(run).time) for run in responses)
     resultants = resultants_of(responses, rows)
     heights = x.stories.height
-    values = {peak: getattr(resultants, name).value for name, peak in _OF_HISTORY.items()}
-    for name, of_history in (("peak_velocity", "velocity"), ("peak_total_shear", "total_shear")):
-        x_values, y_values = (getattr(_history(run), of_history)[:rows] for run in responses)
-        values[name] = np.hypot(x_values, y_values).max(axis=0)
+    values = {f"peak_{name}": getattr(resultants, name).value for name in _OF_HISTORY}
+    for name in ("velocity", "total_shear"):
+        peak = f"peak_{name}"
+        at_steps = (getattr(_history(run, rows), name) for run in responses)
+        values[peak] = np.hypot(*at_steps).max(axis=0)
         if rows == len(_history(x).time):
-            larger = np.maximum(*(getattr(run.stories, name) for run in responses))
-            values[name] = np.maximum(values[name], larger)
+            larger = np.maximum(*(getattr(run.stories, peak) for run in responses))
+            values[peak] = np.maximum(values[peak], larger)
     larger = record is not None and record.larger
     values = _combined(x.stories, y.stories, values, heights, larger)
     stories = replace(x.stories, **values)
@@ -452,16 +450,14 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
         stories = stories.without_residual()
     check = None
     if x.check and y.check:
-        errors = {peak: getattr(resultants, name).error for name, peak in _OF_HISTORY.items()}
+        errors = {f"peak_{name}": getattr(resultants, name).error for name in _OF_HISTORY}
         errors = _combined(x.check.errors, y.check.errors, errors, heights, larger)
         check = outcome.ErrorEstimate.of(
             stories,
             outcome.StoryErrors(**errors),
             time_steps=x.check.time_steps or y.check.time_steps,
             method=x.check.method,
-            hysteretic_energy=None
-            if x.check.hysteretic_energy is None or y.check.hysteretic_energy is None
-            else each_array(add, x.check.hysteretic_energy, y.check.hysteretic_energy),
+            hysteretic_energy=each_array(add, x.check.hysteretic_energy, y.check.hysteretic_energy),
         )
     return replace(
         x,
@@ -473,12 +469,7 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
             for name in ("iterations", "substeps", "branch_changes", "solver_time")
         },
         stories=stories,
-        energy=type(x.energy)(
-            **{
-                field.name: add(*(getattr(run.energy, field.name) for run in responses))
-                for field in fields(x.energy)
-            }
-        ),
+        energy=each_array(add, x.energy, y.energy),
         history=None,
         history_chunks=None,
         notes=_texts(x.notes, y.notes),
@@ -508,14 +499,9 @@ def _larger_devices(
     if x is None or y is None or (x.attachments, x.links) != (y.attachments, y.links):
         return None
     # A fracture is reported with its direction; errors can be unknown in one direction.
-    names = [field.name for field in fields(x)]
-    missing = ["fracture_time", "fracture_drift"]
-    missing += [name for name in names if getattr(x, name) is None or getattr(y, name) is None]
-    without: dict[str, Any] = dict.fromkeys(missing)
-    x, y = (replace(part, **without) for part in (x, y))
     larger: outcome.DevicePeaks = each_array(lambda *values: np.fmax(*np.abs(values)), x, y)
-    sums = {name: getattr(x, name) + getattr(y, name) for name in _ENERGIES if name not in missing}
-    return replace(larger, **sums)
+    sums = {name: each_array(add, getattr(x, name), getattr(y, name)) for name in _ENERGIES}
+    return replace(larger, fracture_time=None, fracture_drift=None, **sums)
 
 
 def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
@@ -552,31 +538,32 @@ def integrate_directions(
     FailedRun
         A direction failed.
     """
-    assert case.across is not None
-    cases = [replace(case, across=None), case.across]
     _check_durations(case, settings)
     run = partial(integrate, history=True, history_errors=settings.check)
-    responses = [run(part, settings, tolerance=tolerance) for part in cases]
+    responses = [run(part, settings, tolerance=tolerance) for part in case.directions]
     # The building is at rest if both directions are; the second may be run again below.
     rests = [response.time_at_rest for response in responses]
-    note: tuple[str, ...] = ()
-    if responses[0].dt != responses[1].dt:
-        h = min(response.dt for response in responses)
-        note = (f"both directions have the time step {h:.6g} s, the smaller of their steps",)
-        settings = replace(settings, dt=h)
-        responses = [
-            response if response.dt == h else run(part, settings)
-            for part, response in zip(cases, responses, strict=True)
+
+    def completed(
+        settings: RunSettings, is_right: Callable[[outcome.Response], bool]
+    ) -> list[outcome.Response]:
+        """Return the runs, of which those that are not right are repeated with the settings."""
+        return [
+            response if is_right(response) else run(part, settings)
+            for part, response in zip(case.directions, responses, strict=True)
         ]
+
+    h = min(response.dt for response in responses)
+    note: tuple[str, ...] = ()
+    if any(response.dt != h for response in responses):
+        note = (f"both directions have the time step {h:.6g} s, the smaller of their steps",)
+    settings = replace(settings, dt=h)
+    responses = completed(settings, lambda response: response.dt == h)
     # Both directions end together: at the first collapse that ends a run, or at the later end.
     ended = [item.steps for item in responses if item.collapse and item.collapse.ended]
     steps = min(ended) if ended else max(response.steps for response in responses)
-    dt = responses[0].dt
-    end = replace(settings, dt=dt, duration=steps * dt, until_rest=False)
-    responses = [
-        response if response.steps == steps else run(part, end)
-        for part, response in zip(cases, responses, strict=True)
-    ]
+    end = replace(settings, duration=steps * h, until_rest=False)
+    responses = completed(end, lambda response: response.steps == steps)
     record = case.record if isinstance(case.record, PairRecord) else None
     response = combined(responses, record)
     responses = [without_additional_history(part) for part in responses]

@@ -585,12 +585,11 @@ class FirstMode(NamedTuple):
     sa_damping: float = SA_DAMPING
 
 
-def first_mode(building: "Building", record: Record | None, *others: "Building") -> FirstMode:
+def first_mode(record: Record | None, *directions: "Building") -> FirstMode:
     """Return the first mode of a building, and the pseudo-acceleration of a ground motion at its
-    period (`intensity_of`). With two directions it is that of the longer period; `others` is the
-    building in the other direction.
+    period (`intensity_of`). Of two directions it is that of the longer period.
     """
-    building = max(building, *others, key=lambda item: item.first_period) if others else building
+    building = max(directions, key=lambda item: item.first_period)
     period, damping, sa = building.first_period, building.first_mode()[1], None
     # Sa is unknown (None) if the building has no period, or a period that is too short for the
     # sampling interval of the record.

@@ -26,8 +26,8 @@ from tdint.ground_motion.axes import PairRecord
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import with_component
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
+from tdint.response.pairs import Run
 from tdint.response.spectra.elastic import SA_DAMPING
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.motions.intensity import IntensityMeasure, factor_to
 from tdint.studies.regions.inventory import InventoryRows
 

@@ -21,13 +21,14 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 
 from tdint.errors import AnalysisError
-from tdint.ground_motion.axes import intensity_of
+from tdint.ground_motion.axes import intensity_of, pga_of
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.output.tables.devices import device_rows
 from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.table import Cell, joined_rows
+from tdint.response.pairs import Place, Run
 from tdint.response.runs.batch import Subject, run_batch
 from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import attempt
@@ -80,42 +81,6 @@ class Source(Protocol):
 
     def subject(self) -> Subject:
         """Return the building with its time integration method."""
-
-
-class Run(NamedTuple):
-    """Run of a building.
-
-    Attributes
-    ----------
-    motion : int
-        Number of the ground motion in the campaign.
-    scale : float
-        Scale factor of the ground motion; a negative factor reverses its direction.
-    sample : int
-        Number of the random sample of the building's parameters; 0: the building as specified.
-    """
-
-    motion: int
-    scale: float
-    sample: int = 0
-
-
-class Place(NamedTuple):
-    """Place of a run in the suite of its building.
-
-    Attributes
-    ----------
-    motion : str
-        Name of the ground motion of the run at its level. The components of a recording with equal
-        factors have the same name, the number of the recording from 1. If a recording has several
-        factors at a level, each is a motion: `4-1`, `4-2`.
-    level : float
-        Level: value of the intensity measure (SI units), common scale factor, or number of the
-        level. NaN if all motions are one suite with individual factors.
-    """
-
-    motion: str = ""
-    level: float = math.nan
 
 
 class BuildingRuns(NamedTuple):
@@ -253,7 +218,7 @@ def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list
     order: number, start time (s), peak ground acceleration (m/s^2), and demands."""
     # The peaks of an event have one run on their first axis, so there is one dictionary of demands.
     return [
-        PartRow(building, *run, (number, event.start, event.record.pga, *demands.values()))
+        PartRow(building, *run, (number, event.start, pga_of(event.record), *demands.values()))
         for number, event in enumerate(events, start=1)
         for demands in demand_cells(event.stories)
     ]
@@ -335,7 +300,7 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
     def strongest_pga(motion: int) -> float:
         """Return the PGA of a motion at its maximum scale factor, m/s^2."""
         strongest_run = runs_by_motion[motion][-1]
-        return abs(strongest_run.scale) * records[motion].pga
+        return abs(strongest_run.scale) * pga_of(records[motion])
 
     motions_by_pga = sorted(runs_by_motion, key=strongest_pga)
     rounds = zip_longest(
@@ -580,7 +545,7 @@ class Batch:
         values |= {
             "dt": job.steps.h,
             "status": status,
-            "pga": self.motions[job.run.motion].pga * factor,
+            "pga": pga_of(self.motions[job.run.motion]) * factor,
             "sa_t1": None if spectral is None else spectral * factor,
             "repeats": job.repeats,
         }

@@ -16,17 +16,17 @@ from tdint.arrays import Array
 from tdint.number_parsing import number_text, pluralize
 from tdint.output.page import Part
 from tdint.output.tables.table import Table
+from tdint.response.pairs import Run
 from tdint.studies.campaign.campaign_tables import variant_columns
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.story_profiles import (
+    MIN_COMMON,
     Profile,
     Statistics,
     at_levels,
     ratios_of,
     story_pairs,
 )
-from tdint.studies.motions.pairs import MIN_COMMON
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import ELEMENTS
 from tdint.units import OutputUnits

@@ -867,7 +867,7 @@ class CampaignFile:
     style : str
         Style of the figures, as in the file. Runs do not depend on the style.
     pair_demand : str | None
-        Rule that combines the components of pairs (`tdint.studies.motions.pairs`); None: the
+        Rule that combines the components of pairs (`tdint.response.pairs`); None: the
         default. Runs do not depend on the rule.
     """
 

@@ -22,15 +22,9 @@ from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.compiling import Kernel
 from tdint.model.limits import LimitCheck
 from tdint.number_parsing import first_warning, pluralize
+from tdint.response.pairs import Place, Run
 from tdint.response.runs.compiled_steps import kernels
-from tdint.studies.campaign.chunks import (
-    ChunkResult,
-    Place,
-    Rows,
-    Run,
-    run_chunk,
-    spectral_accelerations,
-)
+from tdint.studies.campaign.chunks import ChunkResult, Rows, run_chunk, spectral_accelerations
 from tdint.studies.campaign.cluster import check_address, on_cluster
 from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan

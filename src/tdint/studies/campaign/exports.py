@@ -18,10 +18,10 @@ from tdint.errors import UsageError, write_out_controls
 from tdint.number_parsing import pluralize
 from tdint.output.tables.runs import SAMPLE
 from tdint.output.tables.table import PARQUET, TEXT, Column, cell_text, describe
+from tdint.response.pairs import Run
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.campaign_tables import StoreTable, numeric
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.fragility.fragility_function import Fragility
 from tdint.studies.motions.intensity import PAIRS
 from tdint.studies.store.result_store import Store

@@ -28,10 +28,10 @@ from tdint.model.damage_states import COST, NUMBER
 from tdint.model.definition import Model
 from tdint.model.keys.fields import ROOF, resolve
 from tdint.number_parsing import abbreviate, pluralize
+from tdint.response.pairs import motions_along_axes
 from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign import assigned_motions, definition
 from tdint.studies.fragility.type_states import ClassDamage, read_class_damage
-from tdint.studies.motions.pairs import motions_along_axes
 from tdint.studies.regions.inventory import InventoryRows, read_inventory
 from tdint.studies.regions.sites import factors_in, read_field, read_grid
 from tdint.units import FORCE, GROUND_MOTION, parse_units, suffix

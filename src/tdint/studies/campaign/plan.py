@@ -27,6 +27,7 @@ from tdint.model.definition import Model
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.number_parsing import abbreviate
 from tdint.response.defaults import NO_METHOD
+from tdint.response.pairs import PairRule, Run, motions_and_levels, recordings_of
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.load_notes import table_notes
@@ -43,9 +44,7 @@ from tdint.studies.campaign.chunks import (
     BuildingRuns,
     CampaignSettings,
     Chunk,
-    Place,
     Rows,
-    Run,
     Source,
     building_step,
     values_by_motion,
@@ -53,7 +52,6 @@ from tdint.studies.campaign.chunks import (
 from tdint.studies.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.fragility.type_states import Damage, damage_of
-from tdint.studies.motions.pairs import PairRule, recordings_of
 from tdint.studies.regions.inventory import unusual_rows
 
 _COLLAPSE_DRIFT = 0.10
@@ -378,38 +376,11 @@ def different_periods(periods: Iterable[tuple[str, float]], period: object) -> d
     return own_periods if len(set(own_periods.values())) > 1 else {}
 
 
-def motions_and_levels(
-    runs: Sequence[Run], levels: Sequence[float], recordings: Mapping[int, int]
-) -> list[Place]:
-    """Return the ground motion and the level of each run of a building.
-
-    Components are one motion if recording, sample, level and factor are equal. This function is the
-    only place that decides it; the results are stored with the runs.
-    """
-    # A level of NaN is not equal to NaN.
-    keys = [
-        (recordings[run.motion], run.sample, None if math.isnan(level) else level)
-        for run, level in zip(runs, levels, strict=True)
-    ]
-    factors: dict[tuple[int, int, float | None], list[float]] = {}
-    for key, run in zip(keys, runs, strict=True):
-        known = factors.setdefault(key, [])
-        if run.scale not in known:
-            known.append(run.scale)
-    places = []
-    for key, run, level in zip(keys, runs, levels, strict=True):
-        name = f"{key[0] + 1}"
-        if len(factors[key]) > 1:
-            name += f"-{factors[key].index(run.scale) + 1}"
-        places.append(Place(name, level))
-    return places
-
-
 def _samples(record: Record) -> int:
     """Return the number of samples of a record, or of rows of the table of a load case."""
     if isinstance(record, LoadCase):
         return int(record.loads[0].table.times.size)
-    return record.acceleration.size
+    return record.samples
 
 
 def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:

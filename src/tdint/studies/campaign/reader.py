@@ -17,6 +17,7 @@ from tdint.model.config.sections import read_sample_units
 from tdint.model.keys import fields
 from tdint.model.keys.document import read_document
 from tdint.model.story import MAX_STORIES
+from tdint.response.pairs import PAIR_DEMANDS
 from tdint.studies.campaign import definition
 from tdint.studies.campaign.assigned_motions import (
     DISTANCES,
@@ -39,7 +40,6 @@ from tdint.studies.motions.intensity import (
     scalable_measures,
     scaling_obstacle,
 )
-from tdint.studies.motions.pairs import PAIR_DEMANDS
 from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
 SEED = fields.Integer(0, 2**31 - 1)

@@ -44,21 +44,13 @@ from tdint.model.limits import (
     isolator_check,
 )
 from tdint.number_parsing import abbreviate, pluralize
-from tdint.response.runs.batch import Subject
-from tdint.response.runs.outcome import STORY_QUANTITIES, Response
-from tdint.response.runs.run import integrate_case
-from tdint.response.spectra.elastic import SA_DAMPING
-from tdint.response.spectra.floor_motions import FloorSpectrum, floor_spectra, floors_of
-from tdint.studies.campaign.chunks import Run
-from tdint.studies.campaign.plan import Plan
-from tdint.studies.motions.intensity import SPECTRAL, measure_at
-from tdint.studies.motions.pairs import (
+from tdint.response.pairs import (
     COMPLETED,
     Counts,
     Indices,
-    MotionRatios,
     Outcomes,
     PairRule,
+    Run,
     counts,
     demands_of_motions,
     first_runs,
@@ -66,9 +58,15 @@ from tdint.studies.motions.pairs import (
     last_runs,
     outcomes_of,
     outcomes_of_motions,
-    ratios_to,
     with_outcomes,
 )
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.outcome import STORY_QUANTITIES, Response
+from tdint.response.runs.run import integrate_case
+from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.response.spectra.floor_motions import FloorSpectrum, floor_spectra, floors_of
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.motions.intensity import SPECTRAL, measure_at
 from tdint.studies.store import schema
 from tdint.studies.store.result_store import Store
 from tdint.system import on_threads
@@ -146,11 +144,11 @@ class SuiteLevel:
     motion : ndarray of int
         Index of the motion of each run.
     outcome, run_outcome : ndarray of int
-        Outcome of each motion and of each run (`tdint.studies.motions.pairs`).
+        Outcome of each motion and of each run (`tdint.response.pairs`).
     measure : tuple of str
         Name and unit of the level.
     pair_demand : str
-        Rule that combines the components of pairs (`tdint.studies.motions.pairs`); empty if the
+        Rule that combines the components of pairs (`tdint.response.pairs`); empty if the
         suite has no pairs.
     """
 
@@ -381,7 +379,7 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
 
 
 SuiteRun = tuple[Run, str, float | None, str]
-"""Run of a store with its ground motion and its level (`tdint.studies.campaign.chunks.Place`; None
+"""Run of a store with its ground motion and its level (`tdint.response.pairs.Place`; None
 without a level), and its status."""
 
 
@@ -667,6 +665,76 @@ def floor_suites(store: Store, floors: SpectraOfRuns) -> Iterator[FloorSuite]:
 
 
 # ---- Comparison of buildings with a baseline under the same suite
+
+MIN_COMMON = 3
+"""Minimum number of common motions for a ratio if a motion of one of the buildings is lost: the
+mean of two motions of eleven says nothing about the suite."""
+
+
+class MotionRatios(NamedTuple):
+    """Ratios of a building to a baseline: of the maxima over the stories of each building, then of
+    each story of the baseline. NaN if too few motions are common; infinity for a collapse.
+
+    Attributes
+    ----------
+    motions : int
+        Number of motions of the mean and of the maximum; the median is over all motions.
+    """
+
+    mean: Array
+    median: Array
+    max: Array
+    motions: int
+
+
+def ratios_to(
+    base: Array,
+    variant: Array,
+    stories: Sequence[tuple[int, int]] = (),
+    apart: tuple[Sequence[int], Sequence[int]] = ((), ()),
+) -> MotionRatios:
+    """Return the ratios of the demands of a building to those of a baseline, over the motions that
+    both completed; the medians are over all motions, a collapse above every value.
+
+    Parameters
+    ----------
+    base, variant : ndarray, shape (motions, stories)
+        Demands under the same motions, infinite for a collapse and NaN without a result.
+    stories : sequence of (int, int)
+        Indices of corresponding stories of the building and of the baseline.
+    apart : tuple of two sequences of int
+        Indices of the stories of the baseline, and of the building, that the maxima omit.
+    """
+    is_common = np.asarray(np.isfinite(base).any(axis=1) & np.isfinite(variant).any(axis=1))
+    motions = int(is_common.sum())
+    has_collapse = bool(np.isinf(base).any() or np.isinf(variant).any())
+    if motions < (MIN_COMMON if has_collapse else 1):
+        is_common[:] = False
+    numerator, denominator = np.full((2, 3, 1 + base.shape[1]), np.nan)
+    statistics = []
+    for values, omitted, quotients in zip(
+        (base, variant), apart, (denominator, numerator), strict=True
+    ):
+        common = values[is_common] if is_common.any() else np.full((1, values.shape[1]), np.nan)
+        median = fractiles(values, (0.5,))[0]
+        of_stories = np.array([common.mean(axis=0), median, common.max(axis=0)])
+        # A story without a height has no drift ratio (NaN), which `fmax` omits.
+        counted = np.delete(of_stories, omitted, axis=1)
+        quotients[:, 0] = np.fmax.reduce(counted, axis=1, initial=-np.inf)
+        statistics.append(of_stories)
+    denominator[:, 1:] = statistics[0]
+    for story, base_story in stories:
+        numerator[:, 1 + base_story] = statistics[1][:, story]
+    mean, median, largest = quotient(numerator, denominator)
+    return MotionRatios(mean, median, largest, motions)
+
+
+def quotient(numerator: Array, denominator: Array) -> Array:
+    """Return a quotient; NaN if the denominator is zero or a number is missing, infinity if the
+    numerator is a collapse and the denominator is not."""
+    is_known = (denominator > 0.0) & np.isfinite(denominator) & (numerator >= 0.0)
+    result = np.full(np.broadcast(numerator, denominator).shape, np.nan)
+    return np.asarray(np.divide(numerator, denominator, out=result, where=is_known))
 
 
 def at_levels(profiles: Iterable[Profile]) -> list[list[Profile]]:

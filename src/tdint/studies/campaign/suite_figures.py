@@ -32,9 +32,9 @@ from tdint.output.figures.style import (
     scaled_unit,
     titled,
 )
+from tdint.response.pairs import MEAN, Run, outcomes_of, suite_text, with_outcomes
 from tdint.response.runs.many_results import SCALE, Runs
 from tdint.response.runs.outcome import STORY_QUANTITIES, Gradient
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import (
     DRIFT_RATIO,
     FloorSuite,
@@ -44,7 +44,6 @@ from tdint.studies.campaign.story_profiles import (
     level_text,
     ratios_of,
 )
-from tdint.studies.motions.pairs import MEAN, outcomes_of, suite_text, with_outcomes
 from tdint.studies.motions.scaling_figures import GRAY
 from tdint.units import SI, OutputUnits
 

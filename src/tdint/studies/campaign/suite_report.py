@@ -22,6 +22,7 @@ from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page
 from tdint.output.spectrum_text import target_text
 from tdint.output.tables.loads import LOAD_COLUMNS
 from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.response.pairs import describe_demand, recordings_of
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.spectra.target import read_target
@@ -43,7 +44,6 @@ from tdint.studies.fragility.building_damage import has_losses
 from tdint.studies.fragility.damage_tables import damage_headlines, loss_table, type_table
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
-from tdint.studies.motions.pairs import describe_demand, recordings_of
 from tdint.studies.motions.scaling import Scaling
 from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits, suffix

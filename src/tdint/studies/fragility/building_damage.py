@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +23,10 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, cached_property
 from tdint.csv_table import number as cell_number
 from tdint.model.damage_states import COST, DEMANDS, NUMBER, DamageStates
+from tdint.response import pairs
+from tdint.response.pairs import Run
 from tdint.response.runs.damage import RunDamage, probabilities
 from tdint.response.runs.run_values import RUN
-from tdint.studies.campaign.chunks import Run
-from tdint.studies.motions import pairs
 from tdint.studies.store.result_store import Store
 
 _COLUMNS = {quantity.name: quantity.column for quantity in RUN}
@@ -43,6 +44,28 @@ def has_losses(store: Store) -> bool:
     return any(states.losses for states in stored_states(store).values())
 
 
+class Mean(NamedTuple):
+    """Mean over runs, and its standard error, which is a jackknife estimate over ground motions;
+    nan if not available."""
+
+    value: Array
+    error: Array
+
+
+def mean_of_sums(sums: Array) -> Mean:
+    """Return the mean from sums over the runs of each motion: the weights, then the weighted
+    values."""
+    weights, motions = sums[:, :1], len(sums)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = sums[:, 1:].sum(axis=0) / weights.sum()
+        if motions < 2:
+            return Mean(value, np.full(value.size, np.nan))
+        # Change of the mean if a motion is omitted. The jackknife variance is m - 1 times the
+        # variance of these m changes.
+        change = (weights * value - sums[:, 1:]) / (weights.sum() - weights)
+        return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class BuildingDamage(RunDamage):
     """Damage of a building after each of its runs.
@@ -55,7 +78,7 @@ class BuildingDamage(RunDamage):
         Index of the ground motion of each run at its level, which the components of a pair have in
         common.
     level : ndarray, shape (runs,)
-        Level of each run (`tdint.studies.campaign.chunks.Place`); 1 without levels.
+        Level of each run (`tdint.response.pairs.Place`); 1 without levels.
     sa, pga : ndarray, shape (runs,)
         Pseudo-acceleration at the first period and peak ground acceleration, m/s^2.
     equal, cost : float
@@ -256,30 +279,30 @@ class TypeDamage:
                     sums += (weight * deviation) ** 2 / equal, weight * deviation
 
     @cached_property
-    def _means(self) -> pairs.Mean:
+    def _means(self) -> Mean:
         """Means of the probabilities of the outcomes; with losses, also of the loss ratio and its
         square. All are nan without any run with a result."""
         if not self.buildings > 0.0 or not self._sums:
             count = len(self.states.outcomes) + 2 * bool(self.states.losses)
-            return pairs.Mean(*np.full((2, count), math.nan))
+            return Mean(*np.full((2, count), math.nan))
         # The jackknife omits one ground motion (row) at a time.
-        return pairs.mean_of_sums(np.array(list(self._sums.values())))
+        return mean_of_sums(np.array(list(self._sums.values())))
 
     @property
-    def probability(self) -> pairs.Mean:
+    def probability(self) -> Mean:
         """Probability of each outcome."""
         outcome_count = len(self.states.outcomes)
-        return pairs.Mean(*(values[:outcome_count] for values in self._means))
+        return Mean(*(values[:outcome_count] for values in self._means))
 
     @property
-    def loss(self) -> pairs.Mean:
+    def loss(self) -> Mean:
         """Loss ratio: loss divided by value, without costs the mean of the buildings; arrays of a
         single value, nan without losses."""
         if not self.states.losses:
-            return pairs.Mean(*np.full((2, 1), math.nan))
+            return Mean(*np.full((2, 1), math.nan))
         if self.value > 0.0:
-            return pairs.mean_of_sums(np.array(list(self._money.values())))
-        return pairs.Mean(*(values[-2:-1] for values in self._means))
+            return mean_of_sums(np.array(list(self._money.values())))
+        return Mean(*(values[-2:-1] for values in self._means))
 
     @property
     def loss_sd(self) -> float:
@@ -296,14 +319,14 @@ class TypeDamage:
         return float(np.array(list(self._money.values()))[:, 0].sum()) if self._money else math.nan
 
     @property
-    def money(self) -> pairs.Mean:
+    def money(self) -> Mean:
         """Mean loss of all these buildings together; arrays of a single value, nan without
         costs."""
         if not self.value > 0.0:
-            return pairs.Mean(*np.full((2, 1), math.nan))
-        return pairs.Mean(self.value * self.loss.value, self.value * self.loss.error)
+            return Mean(*np.full((2, 1), math.nan))
+        return Mean(self.value * self.loss.value, self.value * self.loss.error)
 
-    def mean_loss(self, *, costs: bool) -> pairs.Mean:
+    def mean_loss(self, *, costs: bool) -> Mean:
         """Return the mean loss of these buildings, in the unit of the costs if the inventory has
         costs, otherwise as a ratio."""
         return self.money if costs else self.loss

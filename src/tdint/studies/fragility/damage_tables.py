@@ -297,6 +297,7 @@ def _loss_curves(store: Store, by: str | None) -> Iterator[SimpleNamespace]:
         for (name, _), sd in zip(_CORRELATIONS, deviations, strict=True):
             exceeding = [rate @ _exceeding(mean, loss, sd, maxima) for mean in means]
             scatter |= {f"sd_{name}": sd, f"rate_{name}": np.array(exceeding)}
+        # The events before an event have larger losses.
         yield SimpleNamespace(
             part=inventory_entry,
             level=level,
@@ -304,16 +305,11 @@ def _loss_curves(store: Store, by: str | None) -> Iterator[SimpleNamespace]:
             rate=rate,
             loss=loss,
             error=np.array(errors),
-            exceedance=_cumulative(rate),
+            exceedance=np.cumsum(rate),
             annual=rate * loss,
-            cumulative=_cumulative(rate * loss),
+            cumulative=np.cumsum(rate * loss),
             **scatter,
         )
-
-
-def _cumulative(values: Array) -> Array:
-    """Return the sums of the first values: the events before an event have larger losses."""
-    return np.array([np.sum(values[:count]) for count in range(1, values.size + 1)])
 
 
 _MAX_HEADLINES = 3  # maximum number of events or levels with a separate headline
@@ -342,16 +338,9 @@ def damage_headlines(store: Store) -> list[tuple[bool | None, str]]:
             totals[group.level][0] += rates[group.event] * loss
             totals[group.level][1] += rates[group.event] * damaged(group)
         texts = [
-            ", ".join(
-                filter(
-                    None,
-                    [
-                        loss_text(loss, " per year"),
-                        f"{number_text(count)} damaged buildings per year on average",
-                    ],
-                )
-            )
+            f"{text}{', ' * bool(text)}{number_text(count)} damaged buildings per year on average"
             for loss, count in totals.values()
+            for text in [loss_text(loss, " per year")]
         ]
     else:
         groups.sort(key=lambda group: -damaged(group))

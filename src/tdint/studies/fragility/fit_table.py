@@ -17,7 +17,6 @@ their number.
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -36,6 +35,7 @@ from tdint.model.damage_states import DamageStates
 from tdint.model.status import DONE, FALLEN, NO_RESULT
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.summary import stored_summary
+from tdint.response import pairs
 from tdint.response.arguments import between, numbers_of
 from tdint.response.runs.damage import exceedance
 from tdint.studies.fragility import building_damage, measures
@@ -52,7 +52,6 @@ from tdint.studies.fragility.fragility_function import (
     extrapolated,
     levels_of,
 )
-from tdint.studies.motions import pairs
 from tdint.studies.store.opening import check_chunks, open_existing
 from tdint.tabular import Tabular
 
@@ -69,7 +68,10 @@ number of ground motions."""
 
 
 NO_LEVELS = "fit cloud, because the runs have no common intensity levels (--fit selects another)"
-NO_COMMON_LEVELS = "the runs have no common intensity levels; use --fit cloud, or another --im"
+NO_COMMON_LEVELS = (
+    f"a level has fewer than {MIN_RUNS_PER_LEVEL} ground motions: the runs have no common "
+    "intensity levels; use --fit cloud, or another --im"
+)
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class FragilityRequest:
     states : tuple of str
         Names of the states of the thresholds in ascending order; default ds1, ds2, ...
     pair_demand : str | None
-        Rule of `tdint.studies.motions.pairs`; default is the rule of the study in the same
+        Rule of `tdint.response.pairs`; default is the rule of the study in the same
         directory, otherwise the larger demand.
     """
 
@@ -822,8 +824,8 @@ def _requested_states(request: FragilityRequest) -> DamageStates | None:
 
 @dataclass
 class _RunCollector:
-    """Runs of a group, collected building by building in contiguous arrays: intensity, demand
-    (infinity: collapse), ground motion and number of equal buildings.
+    """Runs of a group, collected building by building: intensity, demand (infinity: collapse),
+    ground motion and number of equal buildings.
 
     Attributes
     ----------
@@ -831,17 +833,16 @@ class _RunCollector:
         True if the buildings are variations, which differ by their draws.
     periods : tuple of two floats
         Minimum and maximum first period of the buildings, s.
-    columns : sequence of array
-        Intensities, demands, ground motions, numbers of equal buildings, and draws of the runs.
+    parts : list of tuple of ndarray
+        Intensities, demands, ground motions, numbers of equal buildings, and draws of the runs of
+        each building.
     """
 
     states: DamageStates
     has_draws: bool = False
     failed: int = 0
     periods: tuple[float, float] = (math.inf, 0.0)
-    columns: Sequence[array[Any]] = field(
-        default_factory=lambda: [array(typecode) for typecode in "ddqdq"]
-    )
+    parts: list[tuple[Any, ...]] = field(default_factory=list)
     _draws: dict[str, int] = field(default_factory=dict)
 
     def add(
@@ -868,15 +869,14 @@ class _RunCollector:
         ]
         # The name of a variation ends with its label.
         draw = self._draws.setdefault(building.building.rpartition(": ")[2], len(self._draws))
-        added: tuple[Array | NDArray[np.int64], ...] = (
+        added = (
             im,
             pairs.with_outcomes(damage.demand, pairs.outcomes_of(damage.status)),
             np.array(motions, np.int64),
             np.full(im.size, damage.equal),
             np.full(im.size, draw),
         )
-        for column, values in zip(self.columns, added, strict=True):
-            column.frombytes(values[is_used].tobytes())
+        self.parts.append(tuple(values[is_used] for values in added))
         self.failed += int(np.sum(~damage.known))
         shortest, longest = self.periods
         self.periods = min(shortest, damage.period), max(longest, damage.period)
@@ -889,9 +889,7 @@ class _RunCollector:
         """
         shortest, longest = self.periods
         is_same_period = 0.0 < longest < math.inf and longest - shortest <= _SAME_PERIOD * shortest
-        im, demand, motion, weight, draw = (
-            np.frombuffer(column, column.typecode) for column in self.columns
-        )
+        im, demand, motion, weight, draw = map(np.concatenate, zip(*self.parts, strict=True))
         return measures.SuiteRuns(
             im,
             demand,

@@ -368,7 +368,7 @@ class Fragility(Described):
     extrapolated : str
         Reason why the observations do not cover the median; empty if they do.
     pair_demand : str
-        Rule that combines the components of pairs (`tdint.studies.motions.pairs`); empty without
+        Rule that combines the components of pairs (`tdint.response.pairs`); empty without
         pairs.
     motions : int
         Number of ground motions of the runs; both components of a recording are one. If the runs

@@ -17,10 +17,10 @@ from tdint.number_parsing import number_text, pluralize
 from tdint.output import report
 from tdint.output.page import Chapter, PageText, Part, Picture, page
 from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.response.pairs import describe_demand
 from tdint.studies.fragility.fit_table import study_summary
 from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility
 from tdint.studies.fragility.fragility_tables import fit_table_of, risk_table_of
-from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import SI
 

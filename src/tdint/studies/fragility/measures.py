@@ -39,19 +39,12 @@ from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import parse_ratio
 from tdint.output.tables.table import Cell
-from tdint.response.spectra.elastic import SA_DAMPING, spectrum
-from tdint.response.spectra.inelastic import constant_strength
-from tdint.studies.campaign.chunks import Run
-from tdint.studies.campaign.plan import Plan
-from tdint.studies.campaign.story_profiles import level_measure
-from tdint.studies.fragility.building_damage import BuildingDamage
-from tdint.studies.fragility.fragility_function import JACKKNIFE, Fragility
-from tdint.studies.motions import intensity
-from tdint.studies.motions.pairs import (
+from tdint.response.pairs import (
     LARGER,
     SEPARATE,
     Indices,
     PairRule,
+    Run,
     demands_of_motions,
     first_runs,
     geometric_means,
@@ -61,6 +54,13 @@ from tdint.studies.motions.pairs import (
     recording_numbers,
     with_outcomes,
 )
+from tdint.response.spectra.elastic import SA_DAMPING, spectrum
+from tdint.response.spectra.inelastic import constant_strength
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.campaign.story_profiles import level_measure
+from tdint.studies.fragility.building_damage import BuildingDamage
+from tdint.studies.fragility.fragility_function import JACKKNIFE, Fragility
+from tdint.studies.motions import intensity
 from tdint.studies.store.opening import open_existing
 from tdint.studies.store.result_store import FILE, Store
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
@@ -628,13 +628,6 @@ def motion_of_rows(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, 
     return rule, motion
 
 
-def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
-    """Return the intensities of runs, for the components of each pair their geometric mean. It does
-    not depend on the rule for their demand."""
-    _, motion = motion_of_rows(table, LARGER)
-    return geometric_means(motion, im)[motion]
-
-
 @contextmanager
 def store_of_table(table: CsvTable) -> Iterator[Store | None]:
     """Open the store in the directory of a table in a `with` statement. Yield None if the table is
@@ -799,7 +792,9 @@ def suite_runs(
     rule, motion_at_level = motion_of_rows(table, pair_demand)
     # The columns `im` and `level` contain the intensity of the pair already.
     if column not in ("im", LEVEL):
-        im = combine_pair_intensities(table, im)
+        # The intensity of a pair does not depend on the rule for its demand.
+        _, of_pairs = motion_of_rows(table, LARGER)
+        im = geometric_means(of_pairs, im)[of_pairs]
     firsts = first_runs(motion_at_level)
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
     demand = with_outcomes(
@@ -945,9 +940,6 @@ def line(x: Array, y: Array, name: str, motion: NDArray[np.intp]) -> MeasureFit:
     AnalysisError
         There are fewer than three runs, or all have the same intensity.
     """
-    # Imported here, because the import needs half a second and other fits do not need it.
-    from scipy.stats import linregress
-
     if x.size < _MIN_RUNS:
         raise AnalysisError(
             f"{name}: the regression of ln drift over ln IM requires at least {_MIN_RUNS} "
@@ -958,23 +950,19 @@ def line(x: Array, y: Array, name: str, motion: NDArray[np.intp]) -> MeasureFit:
             f"{name}: this intensity measure has the same value in all runs; the regression of ln "
             "drift over ln IM requires different values"
         )
-    # Two parameters are estimated from the runs.
-    fit = linregress(x, y)
-    residuals = y - (fit.intercept + fit.slope * x)
-    beta = math.sqrt(float(residuals @ residuals) / (x.size - 2))
-    # The slope without a ground motion follows from the sums of 1, x, y, x^2 and x y over all runs,
-    # minus the sums over the motion.
-    motion_number = np.unique(motion, return_inverse=True)[1]
-    x, y = x - np.mean(x), y - np.mean(y)
-    sums = np.column_stack(
-        [np.bincount(motion_number, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
-    )
-    count, sum_x, sum_y, sum_xx, sum_xy = (sums.sum(axis=0) - sums).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = (sum_xy - sum_x * sum_y / count) / (sum_xx - sum_x**2 / count)
-    # The jackknife variance is m - 1 times the variance of the m slopes without a motion.
-    slope_error = math.nan
-    if slopes.size > 2:
-        slope_error = math.sqrt((slopes.size - 1) * float(np.var(slopes)))
-    slope, r_squared = float(fit.slope), float(fit.rvalue**2)
+
+    def slope_of(rows: NDArray[np.bool_]) -> tuple[float, float]:
+        """Return the slope of some of the runs, and the sum of the squared residuals."""
+        u, v = x[rows] - np.mean(x[rows]), y[rows] - np.mean(y[rows])
+        slope = float(u @ v / (u @ u)) if u.any() else math.nan
+        residuals = v - slope * u
+        return slope, float(residuals @ residuals)
+
+    # Two parameters are estimated from the runs. The jackknife variance of the slope is m - 1 times
+    # the variance of the m slopes without a motion.
+    slope, unexplained = slope_of(np.ones(x.size, bool))
+    total = float(np.sum((y - np.mean(y)) ** 2))
+    slopes = [slope_of(motion != number)[0] for number in np.unique(motion)]
+    slope_error = math.sqrt((len(slopes) - 1) * np.var(slopes)) if len(slopes) > 2 else math.nan
+    beta, r_squared = math.sqrt(unexplained / (x.size - 2)), 1.0 - unexplained / total
     return MeasureFit("", "", x.size, 0, slope, slope_error, beta, r_squared)

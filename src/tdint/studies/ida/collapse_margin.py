@@ -25,9 +25,9 @@ from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.number_parsing import number_or_nan, parse_named
+from tdint.response.pairs import SEPARATE, join_pairs
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.motions.intensity import MotionIntensity, SpectralIntensity
-from tdint.studies.motions.pairs import SEPARATE, join_pairs
 from tdint.studies.motions.scaling import normalization
 from tdint.units import STANDARD_GRAVITY, parse_with_unit
 

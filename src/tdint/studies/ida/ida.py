@@ -24,12 +24,14 @@ from tdint.model.building import Building
 from tdint.model.definition import Model
 from tdint.model.limits import QUANTITIES, Limit
 from tdint.number_parsing import pluralize
+from tdint.response import pairs
 from tdint.response.arguments import AnyModel, AnyMotion, model_of, motion_of
+from tdint.response.pairs import Run
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import UNSTABLE
 from tdint.response.runs.settings import RunSettings, settings_from
 from tdint.studies.campaign.buildings import ModelBuilding
-from tdint.studies.campaign.chunks import Batch, CampaignSettings, ChunkResult, Rows, Run, RunRow
+from tdint.studies.campaign.chunks import Batch, CampaignSettings, ChunkResult, Rows, RunRow
 from tdint.studies.campaign.story_profiles import device_values
 from tdint.studies.ida.ida_curve import (
     DamagedState,
@@ -40,7 +42,6 @@ from tdint.studies.ida.ida_curve import (
     PairCurve,
     damaged,
 )
-from tdint.studies.motions import pairs
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
     IntensityMeasure,
@@ -130,7 +131,7 @@ class IdaStudy(Tabular):
         True if the errors of the demands were estimated.
     pair_demand : str
         Rule that combines the demands of the two components of a pair: an item of
-        `tdint.studies.motions.pairs.PAIR_DEMANDS`.
+        `tdint.response.pairs.PAIR_DEMANDS`.
     partners : mapping of int to int
         Pairs of components. The key is the index of the second component in the records; the value
         is the index of the first component.

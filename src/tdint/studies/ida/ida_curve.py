@@ -20,6 +20,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.fractiles import fractiles
 from tdint.ground_motion.record import Record
 from tdint.model.status import DONE, FALLEN
+from tdint.response.pairs import LARGER, MEAN, demands_of_motions
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import extend_to_rest
 from tdint.response.runs.demands import demands
@@ -27,7 +28,6 @@ from tdint.response.runs.outcome import FailedRun
 from tdint.response.runs.run_values import RUN_WITH_ERROR
 from tdint.response.runs.sequence import EventSequence, event_responses, sequence_of
 from tdint.studies.campaign.chunks import RunRow
-from tdint.studies.motions.pairs import LARGER, MEAN, demands_of_motions
 
 # ---- Curve of a building under one record: runs at levels of intensity, and search for levels
 #
@@ -438,7 +438,7 @@ class PairCurve(IdaCurve):
     parts : tuple of two IdaCurve
         Curves of the components.
     demand : str
-        `larger` or `mean` (`tdint.studies.motions.pairs`).
+        `larger` or `mean` (`tdint.response.pairs`).
     """
 
     parts: tuple[IdaCurve, IdaCurve] | tuple[()] = ()

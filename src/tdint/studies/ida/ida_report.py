@@ -12,6 +12,7 @@ from tdint.number_parsing import number_text, pluralize
 from tdint.output import report
 from tdint.output.page import Chapter, PageText, Part, Picture, page, page_units
 from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.response.pairs import describe_demand
 from tdint.studies.fragility import fragility_report
 from tdint.studies.fragility.fits import fit_capacities
 from tdint.studies.fragility.fragility_function import IDA, Fragility, initial_damage
@@ -20,7 +21,6 @@ from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida import IdaSettings, IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, capacity_fractiles
 from tdint.studies.ida.ida_tables import curve_rows, limit_capacities
-from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import OutputUnits
 

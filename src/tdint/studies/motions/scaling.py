@@ -18,10 +18,10 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
 from tdint.response.arguments import AnyMotion, motion_of, numbers_of
+from tdint.response.pairs import join_pairs, suite_text
 from tdint.response.spectra.elastic import SA_DAMPING, checked_periods
 from tdint.response.spectra.target import TargetSpectrum, read_targets
 from tdint.studies.motions import intensity
-from tdint.studies.motions.pairs import join_pairs, suite_text
 from tdint.tabular import Tabular
 
 RULES = ("mean", "asce7", "ec8")

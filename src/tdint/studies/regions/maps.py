@@ -15,9 +15,9 @@ from tdint.errors import UsageError
 from tdint.files import MOST_BYTES, read_whole, record_digest
 from tdint.number_parsing import abbreviate
 from tdint.output.tables.table import digits, names
+from tdint.response.pairs import Run
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.campaign_tables import copied_columns, numeric
-from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import SuiteLevel, SuiteRules
 from tdint.studies.fragility import building_damage
 from tdint.studies.fragility.damage_tables import LOSS, check_column, has_costs, probability_name

@@ -21,11 +21,12 @@ import numpy as np
 from tdint.arrays import Array, cached_property
 from tdint.errors import OutputError
 from tdint.files import digest_of, is_file
-from tdint.ground_motion.axes import intensity_of
+from tdint.ground_motion.axes import intensity_of, pga_of
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.output.tables.runs import si_units_of
 from tdint.output.tables.table import Column, names
+from tdint.response.pairs import LARGER, PairRule, Run, recording_numbers
 from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.buildings import (
     NO_LIMITS,
@@ -41,10 +42,9 @@ from tdint.studies.campaign.buildings import (
     output_units,
     plugin_files,
 )
-from tdint.studies.campaign.chunks import ChunkResult, Rows, Run, RunRow
+from tdint.studies.campaign.chunks import ChunkResult, Rows, RunRow
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.fragility.type_states import Damage
-from tdint.studies.motions.pairs import LARGER, PairRule, recording_numbers
 from tdint.studies.store import schema
 from tdint.studies.store.schema import UntrustedStoreError, sqlite_errors_reported, transaction
 from tdint.system import __version__
@@ -731,7 +731,7 @@ class Store:
 
     def choose_pair_demand(self, rule: str) -> None:
         """Write the rule that combines the demands of the components of pairs to the store. `rule`
-        is an item of `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
+        is an item of `tdint.response.pairs.PAIR_DEMANDS`."""
         self._write_meta("pair_demand", rule)
 
     def period(self, building: int) -> float | None:
@@ -884,9 +884,8 @@ def create_tables(store: Store, identity: Identity) -> None:
     for number, motion in enumerate(identity.motions):
         record, values = motion.record, (0.0, 0, 0.0, 0.0)
         if not isinstance(record, LoadCase):
-            count = record.acceleration.size
             pgv = float(intensity_of(record, lambda part: measure(part).pgv))
-            values = (record.dt, count, record.pga, pgv)
+            values = (record.dt, record.samples, pga_of(record), pgv)
         names = stored_text(motion.name), stored_text(motion.component)
         records.append((number, *names, motion.direction, *values, record.digest))
     with transaction(store.connection, store.name):

@@ -30,8 +30,9 @@ from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
 from tdint.output.tables.table import TEXT, Column
+from tdint.response.pairs import Place
 from tdint.response.runs.run_values import HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.studies.campaign.chunks import Place, RunRow
+from tdint.studies.campaign.chunks import RunRow
 from tdint.system import file_system, is_special, lock_failure, open_to_lock
 from tdint.system import locked as locked_file
 from tdint.units import Quantity
@@ -425,7 +426,7 @@ VERSION = "13"
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
 PLACE = {"motion": str, "level": float}
-"""Columns of the ground motion and the level of a run (`tdint.studies.campaign.chunks.Place`)."""
+"""Columns of the ground motion and the level of a run (`tdint.response.pairs.Place`)."""
 
 _SQL_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 

@@ -22,10 +22,11 @@ array of demands infinity is a collapse, and NaN is a motion without a result, s
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -33,7 +34,6 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError, did_you_mean
-from tdint.fractiles import fractiles
 from tdint.ground_motion import horizontals
 from tdint.ground_motion.axes import along_axes
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
@@ -43,7 +43,6 @@ from tdint.number_parsing import abbreviate, pluralize
 
 if TYPE_CHECKING:
     from tdint.model.definition import Model
-    from tdint.studies.campaign.chunks import Run
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
 PAIR_DEMANDS = (LARGER, MEAN, SEPARATE)
@@ -175,10 +174,17 @@ class PairRule:
         return {number: first for number, first in self.recordings.items() if number != first}
 
     def motion_key(self, run: Run, name: str) -> Hashable:
-        """Return the key of the ground motion of a run at its level. `name` is the stored name of
-        the motion (`tdint.studies.campaign.chunks.Place`), which the components of a pair have in
-        common; each component is a motion if components count separately."""
+        """Return the key of the ground motion of a run at its level. `name` is the name of the
+        motion (`Place`), which the components of a pair have in common; each component is a motion
+        if components count separately."""
         return run if self.demand == SEPARATE else (name, run.sample)
+
+    def motions_of(self, runs: Sequence[Run]) -> Indices:
+        """Return the index of the ground motion of each run of a building at one level."""
+        places = motions_and_levels(runs, [math.nan] * len(runs), self.recordings)
+        return indices_of(
+            self.motion_key(run, place.motion) for run, place in zip(runs, places, strict=True)
+        )
 
     def note(self, files: Sequence[str] = (), *, is_default: bool = True) -> str:
         """Return one line that reports the number of recognized pairs, their names and the rule for
@@ -255,6 +261,23 @@ def _recordings(
     return result
 
 
+def common_axis(models: Sequence[Model], source: str) -> float | None:
+    """Return the azimuth of axis x of buildings in two directions, degrees; None if unknown.
+
+    Raises
+    ------
+    UsageError
+        A building has one direction, or the azimuths of the buildings differ.
+    """
+    axes = {model.axis_azimuth for model in models}
+    if len(axes) > 1 or not all(model.across for model in models):
+        raise UsageError(
+            f"{source}: buildings with one and with two directions, or with different azimuths of "
+            "axis x, cannot have the same ground motions; analyze each of them separately"
+        )
+    return axes.pop()
+
+
 def motions_along_axes(
     motions: Sequence[SuiteMotion], models: Sequence[Model], source: str, demand: str | None
 ) -> tuple[SuiteMotion, ...]:
@@ -275,12 +298,7 @@ def motions_along_axes(
             f"{source}: pair_demand {demand} cannot be used with two directions; use {LARGER}, or "
             "omit it for resultants"
         )
-    axes = {model.axis_azimuth for model in models}
-    if len(axes) > 1 or not all(model.across for model in models):
-        raise UsageError(
-            f"{source}: buildings with one and with two directions, or with different azimuths of "
-            "axis x, cannot have the same ground motions; use a campaign for each of them"
-        )
+    axis = common_axis(models, source)
     along = []
     for pair in {id(motion): motion for motion in recordings_of(motions)}.values():
         if not isinstance(pair, horizontals.Horizontals):
@@ -288,7 +306,7 @@ def motions_along_axes(
                 f"{pair.source}: buildings with two directions require both horizontal components; "
                 f"the second component of {pair.name} was not found"
             )
-        record = replace(along_axes(pair, *axes), larger=demand == LARGER)
+        record = along_axes(pair, axis, larger=demand == LARGER)
         along.append(SuiteMotion(record, pair.source, pair.component, pair))
     return tuple(along)
 
@@ -313,17 +331,77 @@ def describe_demand(demand: str) -> str:
     return _DESCRIPTIONS[demand]
 
 
-# ---- Outcomes of motions, their demands and weights
+# ---- Motions of runs, their outcomes and demands
+
+
+class Run(NamedTuple):
+    """Run of a building.
+
+    Attributes
+    ----------
+    motion : int
+        Number of the ground motion in the campaign.
+    scale : float
+        Scale factor of the ground motion; a negative factor reverses its direction.
+    sample : int
+        Number of the random sample of the building's parameters; 0: the building as specified.
+    """
+
+    motion: int
+    scale: float
+    sample: int = 0
+
+
+class Place(NamedTuple):
+    """Place of a run in the suite of its building.
+
+    Attributes
+    ----------
+    motion : str
+        Name of the ground motion of the run at its level. The components of a recording with equal
+        factors have the same name, the number of the recording from 1. If a recording has several
+        factors at a level, each is a motion: `4-1`, `4-2`.
+    level : float
+        Level: value of the intensity measure (SI units), common scale factor, or number of the
+        level. NaN if all motions are one suite with individual factors.
+    """
+
+    motion: str = ""
+    level: float = math.nan
+
+
+def motions_and_levels(
+    runs: Sequence[Run], levels: Sequence[float], recordings: Mapping[int, int]
+) -> list[Place]:
+    """Return the ground motion and the level of each run of a building.
+
+    Components are one motion if recording, sample, level and factor are equal. This function is the
+    only place that decides it; the results are stored with the runs.
+    """
+    # A level of NaN is not equal to NaN.
+    keys = [
+        (recordings[run.motion], run.sample, None if math.isnan(level) else level)
+        for run, level in zip(runs, levels, strict=True)
+    ]
+    factors: dict[tuple[int, int, float | None], list[float]] = {}
+    for key, run in zip(keys, runs, strict=True):
+        known = factors.setdefault(key, [])
+        if run.scale not in known:
+            known.append(run.scale)
+    places = []
+    for key, run, level in zip(keys, runs, levels, strict=True):
+        name = f"{key[0] + 1}"
+        if len(factors[key]) > 1:
+            name += f"-{factors[key].index(run.scale) + 1}"
+        places.append(Place(name, level))
+    return places
+
 
 COMPLETED, COLLAPSED, FAILED = 0, 1, 2
 """Outcomes of runs and of motions. The outcome of a pair is the larger one of its components."""
 
 Outcomes = NDArray[np.int8]
 Indices = NDArray[np.intp]
-
-MIN_COMMON = 3
-"""Minimum number of common motions for a ratio if a motion of one of the buildings is lost: the
-mean of two motions of eleven says nothing about the suite."""
 
 
 def outcomes_of(statuses: Iterable[str]) -> Outcomes:
@@ -425,91 +503,3 @@ class Counts(NamedTuple):
 def counts(outcome: Outcomes) -> Counts:
     """Return the numbers of motions by outcome."""
     return Counts(*np.bincount(outcome, minlength=3).tolist())
-
-
-class MotionRatios(NamedTuple):
-    """Ratios of a building to a baseline: of the maxima over the stories of each building, then of
-    each story of the baseline. NaN if too few motions are common; infinity for a collapse.
-
-    Attributes
-    ----------
-    motions : int
-        Number of motions of the mean and of the maximum; the median is over all motions.
-    """
-
-    mean: Array
-    median: Array
-    max: Array
-    motions: int
-
-
-def ratios_to(
-    base: Array,
-    variant: Array,
-    stories: Sequence[tuple[int, int]] = (),
-    apart: tuple[Sequence[int], Sequence[int]] = ((), ()),
-) -> MotionRatios:
-    """Return the ratios of the demands of a building to those of a baseline, over the motions that
-    both completed; the medians are over all motions, a collapse above every value.
-
-    Parameters
-    ----------
-    base, variant : ndarray, shape (motions, stories)
-        Demands under the same motions, infinite for a collapse and NaN without a result.
-    stories : sequence of (int, int)
-        Indices of corresponding stories of the building and of the baseline.
-    apart : tuple of two sequences of int
-        Indices of the stories of the baseline, and of the building, that the maxima omit.
-    """
-    is_common = np.asarray(np.isfinite(base).any(axis=1) & np.isfinite(variant).any(axis=1))
-    motions = int(is_common.sum())
-    has_collapse = bool(np.isinf(base).any() or np.isinf(variant).any())
-    if motions < (MIN_COMMON if has_collapse else 1):
-        is_common[:] = False
-    numerator, denominator = np.full((2, 3, 1 + base.shape[1]), np.nan)
-    statistics = []
-    for values, omitted, quotients in zip(
-        (base, variant), apart, (denominator, numerator), strict=True
-    ):
-        common = values[is_common] if is_common.any() else np.full((1, values.shape[1]), np.nan)
-        median = fractiles(values, (0.5,))[0]
-        of_stories = np.array([common.mean(axis=0), median, common.max(axis=0)])
-        # A story without a height has no drift ratio (NaN), which `fmax` omits.
-        counted = np.delete(of_stories, omitted, axis=1)
-        quotients[:, 0] = np.fmax.reduce(counted, axis=1, initial=-np.inf)
-        statistics.append(of_stories)
-    denominator[:, 1:] = statistics[0]
-    for story, base_story in stories:
-        numerator[:, 1 + base_story] = statistics[1][:, story]
-    mean, median, largest = quotient(numerator, denominator)
-    return MotionRatios(mean, median, largest, motions)
-
-
-def quotient(numerator: Array, denominator: Array) -> Array:
-    """Return a quotient; NaN if the denominator is zero or a number is missing, infinity if the
-    numerator is a collapse and the denominator is not."""
-    is_known = (denominator > 0.0) & np.isfinite(denominator) & (numerator >= 0.0)
-    result = np.full(np.broadcast(numerator, denominator).shape, np.nan)
-    return np.asarray(np.divide(numerator, denominator, out=result, where=is_known))
-
-
-class Mean(NamedTuple):
-    """Mean over runs, and its standard error, which is a jackknife estimate over ground motions;
-    nan if not available."""
-
-    value: Array
-    error: Array
-
-
-def mean_of_sums(sums: Array) -> Mean:
-    """Return the mean from sums over the runs of each motion: the weights, then the weighted
-    values."""
-    weights, motions = sums[:, :1], len(sums)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value = sums[:, 1:].sum(axis=0) / weights.sum()
-        if motions < 2:
-            return Mean(value, np.full(value.size, np.nan))
-        # Change of the mean if a motion is omitted. The jackknife variance is m - 1 times the
-        # variance of these m changes.
-        change = (weights * value - sums[:, 1:]) / (weights.sum() - weights)
-        return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
