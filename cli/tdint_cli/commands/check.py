@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -22,11 +23,13 @@ if TYPE_CHECKING:
 @options.command
 @options.analysis.plugins
 @click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
+@options.analysis.changes
 @options.option("--schema", is_flag=False, flag_value="model")
 @options.output.units
 def command(
     models: tuple[str, ...],
     plugins: tuple[str, ...],
+    changes: dict[str, str],
     schema: str | None,
     output_units: OutputUnits | None,
 ) -> None:
@@ -72,6 +75,7 @@ def command(
     from tdint.units import SI
     from tdint_cli.drawing import emit_table
 
+    change = partial(options.analysis.changed, changes=changes)
     # An invalid file does not prevent the check of other files. The models of a campaign file
     # replace it in the list.
     overviews: list[Overview] = []
@@ -88,8 +92,10 @@ def command(
         try:
             models_of_campaign = call("models of a campaign", file)
             if models_of_campaign is None:
-                overviews.append(overview_in_campaign(file, given_times))
+                overviews.append(overview_in_campaign(file, given_times, change))
                 failures += call("laws of plug-ins", file, plugins)
+            elif changes:
+                raise UsageError(f"--set cannot be used with the campaign {file}; use its `vary`")
             else:
                 listed, errors_of_campaign = models_of_campaign
                 waiting_files.extendleft(reversed(listed))

@@ -30,6 +30,7 @@ _GROUND = "ground"  # source of the motion for --transfer, as in `analysis.spect
 
 @options.command
 @options.analysis.model
+@options.analysis.changes
 @options.option("--shapes", is_flag=False, flag_value="roof")
 @options.option("--transfer", is_flag=False, flag_value=_GROUND)
 @options.spectra.target(
@@ -38,7 +39,12 @@ _GROUND = "ground"  # source of the motion for --transfer, as in `analysis.spect
 )
 @options.output.to_files(picture=True, page=True)
 def command(
-    model: str, shapes: str | None, transfer: str | None, target: str | None, outputs: Outputs
+    model: str,
+    changes: dict[str, str],
+    shapes: str | None,
+    transfer: str | None,
+    target: str | None,
+    outputs: Outputs,
 ) -> None:
     """Compute natural periods, damping ratios, modal masses and shapes of a building.
 
@@ -59,7 +65,7 @@ def command(
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
-    loaded = load_model(model)
+    loaded = options.analysis.changed(load_model(model), changes)
     options.analysis.warn_of(loaded)
     page_units, outputs = outputs.units or loaded.page_units, outputs.else_in(loaded.output_units)
     if transfer is not None:

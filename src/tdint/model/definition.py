@@ -21,7 +21,7 @@ from tdint.kernels.laws.law import DriftLaw
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.model.story import Path, Story, is_linear, spring_label, story_with_numbers
 from tdint.model.story_laws import LAWS, of_samples
-from tdint.number_parsing import parse_ratio, pluralize
+from tdint.number_parsing import number_or_nan, parse_ratio, pluralize
 from tdint.units import SI, OutputUnits, parse_in_units
 
 if TYPE_CHECKING:
@@ -698,8 +698,19 @@ class Model:
                 return float(value)
             units = self._units_of(name)[1]
             return parse_in_units(value, units, name) if units else parse_ratio(value)
+        except UsageError as error:
+            named = str(error).startswith(name)
+            raise UsageError(str(error) if named else f"{name}: {error}") from None
         except (TypeError, ValueError, OverflowError):
             raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
+
+    def file_value(self, name: str, value: float | str) -> float:
+        """Return the value of a parameter in SI units, like `si_value`, from a number in the units
+        of the file or a text: `vary` of campaigns, `--vary` and `--set`."""
+        number = number_or_nan(value) if isinstance(value, str) else float(value)
+        if math.isfinite(number):
+            return number * self.unit_of(name)[1]
+        return self.si_value(name, value)
 
     def unit_of(self, name: str, named: OutputUnits | None = None) -> tuple[str, float]:
         """Return the unit of a parameter, in the units of the file or in `named`, and its factor to

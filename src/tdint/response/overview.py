@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -119,23 +119,30 @@ def overview(source: str | Path) -> Overview:
     return overview_in_campaign(source)
 
 
-def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) -> Overview:
+def overview_in_campaign(
+    source: str | Path,
+    given_times: Collection[str] = (),
+    change: Callable[[Model], Model] = lambda model: model,
+) -> Overview:
     """Read and summarize a model, like `overview`, for a campaign that uses it.
 
     Parameters
     ----------
     given_times : collection of str
         `dt` and `duration` if the campaign specifies them, so that the model does not need them.
+    change : callable
+        Returns the model with changed parameters.
     """
     # The model layer has no access to the methods and does not open records. These checks are added
     # by the key of the entry, so that errors are reported at its line.
-    model = load_with_checks(
+    read = load_with_checks(
         source,
         {
             "analysis.method": lambda text, _: parse(text),
             **dict.fromkeys(_RECORD_KEYS, _check_exists),
         },
     )
+    model = change(read)
     try:
         buildings = [(assemble(part), part) for part in model.directions]
         # Of two directions, the direction with the longer period determines the values.
