@@ -78,9 +78,9 @@ def command(
     modes = building.modes()
     matrix = building.damping_matrix()
     ratios = modes.own_damping(matrix)
-    complex_modes = building.complex_modes() if building.damped_by_devices else None
+    complex_modes = building.complex_modes() if loaded.has_dashpots else None
     floors = [f"floor {floor}" for floor in range(1, building.floors + 1)]
-    names = loaded.rows or (*floors, *(attachment.name for attachment in loaded.attachments))
+    names = (*(loaded.rows or floors), *(attachment.name for attachment in loaded.attachments))
     table = tables.buildings.mode_table(
         modes, ratios, shapes, names=names, complex_modes=complex_modes
     )

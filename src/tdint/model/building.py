@@ -39,7 +39,7 @@ from tdint.model.modes import (
 )
 from tdint.model.story import Story, column_name
 from tdint.model.story_laws import CODES, LAWS, Law, of_samples
-from tdint.model.topology import GROUND, extended, incidence, springs_of, store_ends
+from tdint.model.topology import GROUND, NO_SPRING, extended, incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -133,8 +133,12 @@ class Building:
 
     @property
     def masses(self) -> int:
-        """Number of masses: of floors and attachments."""
-        return self.floors + len(self.attachments) if self.branched else self.stories
+        """Number of masses: of floors and attachments, and of further rows of matrices."""
+        if not self.branched:
+            return self.stories
+        if self.system is not None:
+            return len(self.system.mass)
+        return self.floors + len(self.attachments)
 
     @property
     def mass(self) -> Array:
@@ -163,12 +167,13 @@ class Building:
 
     def initial_values(self, floors: Sequence[float], attachments: Sequence[float]) -> Array:
         """Return the initial displacements or velocities of all columns: attachments without a
-        value (nan) start with the motion of their floors, rotations with the static rotations."""
+        value (nan) start with the motion of their floors, further rows with their static motion."""
         values = extended(self.linear_terms, floors, attachments)
-        if self.system is not None and not self.branched:
-            turning, stiffness = slice(len(floors), None), self.system.stiffness[len(floors) :]
-            values[turning] = -np.linalg.solve(
-                stiffness[:, turning], stiffness[:, : len(floors)] @ floors
+        if self.system is not None:
+            start = self.floors + len(self.attachments)
+            further, stiffness = slice(start, self.masses), self.system.stiffness[start:]
+            values[further] = -np.linalg.solve(
+                stiffness[:, further], stiffness[:, :start] @ values[:start]
             )
         return values
 
@@ -690,9 +695,10 @@ def _with_inertance(
     return table
 
 
-def _assemble_springs(model: Model, samples: tuple[int, ...]) -> Building:
-    """Assemble the arrays of a building of springs, without its inerters."""
+def _assemble_springs(model: Model, samples: tuple[int, ...], further: int = 0) -> Building:
+    """Assemble the arrays of a building of springs, without its inerters, with further columns."""
     stories, ends = springs_of(model)
+    stories, ends = (*stories, *(NO_SPRING,) * further), [*ends, *((0, GROUND),) * further]
     n, floors = len(stories), len(model.stories)
     if has_tangent_damping(model.damping):
         for i, story in enumerate(stories):
@@ -784,11 +790,12 @@ def _assemble_linear(model: Model) -> Building:
     if model.devices:
         # Springs with the stiffness of the drifts take the place of the stories.
         stories = tuple(
-            replace(story, stiffness=stiffness, flexural=None)
-            for story, stiffness in zip(model.stories, system.drift_stiffness.tolist(), strict=True)
+            replace(story, stiffness=float(stiffness), flexural=None)
+            for story, stiffness in zip(model.stories, system.drift_stiffness, strict=False)
         )
         springs = replace(model, stories=stories, matrices=None, damping=None)
-        return _with_matrices(_assemble_springs(springs, ()), springs, system)
+        further = len(system.mass) - len(stories)
+        return _with_matrices(_assemble_springs(springs, (), further), springs, system)
     n, floors = len(system.mass), len(model.stories)
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :floors] = np.diagonal(system.loaded_mass)[:floors]

@@ -301,6 +301,10 @@ class Matrices:
         N/m; infinite for a fixed base.
     inertance : ndarray
         B, kg; empty without inerters.
+    base_dashpots : tuple of float
+        Dashpots beside the springs of `base`, N m s/rad and N s/m.
+    base_inertia : tuple of float
+        Rotary inertia (kg m^2) and mass (kg) of the base.
     """
 
     stiffness: NDArray[np.float64] | tuple[()] = ()
@@ -310,6 +314,14 @@ class Matrices:
     influence: tuple[float, ...] = ()
     base: tuple[float, float] = (math.inf, math.inf)
     inertance: NDArray[np.float64] | tuple[()] = ()
+    base_dashpots: tuple[float, float] = (0.0, 0.0)
+    base_inertia: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def base_rows(self) -> list[int]:
+        """Motions of the base that are rows, because they have an inertia or a dashpot: 0 for the
+        rotation, 1 for the displacement."""
+        return [k for k in (0, 1) if self.base_dashpots[k] or self.base_inertia[k]]
 
 
 @dataclass(frozen=True)
@@ -540,7 +552,8 @@ class Model:
         return all(is_linear(spring) for _, spring in self.springs)
 
     def end_name(self, end: int) -> str:
-        """Return the name of an end of a link: ground, the number of a floor, or an attachment.
+        """Return the name of an end of a link: ground, the number of a floor, a row, or an
+        attachment.
 
         Parameters
         ----------
@@ -550,6 +563,8 @@ class Model:
         """
         if end > len(self.stories):
             return self.attachments[end - len(self.stories) - 1].name
+        if end and self.rows:
+            return self.rows[end - 1]
         return str(end) if end else "ground"
 
     def require_springs(self, subject: str) -> None:
@@ -614,9 +629,10 @@ class Model:
 
     @property
     def has_dashpots(self) -> bool:
-        """True if a story, an attachment or a link has a dashpot."""
+        """True if a story, an attachment, a link or the base has a dashpot."""
         springs = (*self.stories, *(device.spring for device in self.devices))
-        return any(spring.dashpot or spring.power_dashpot for spring in springs)
+        of_base = self.matrices.base_dashpots if self.matrices else ()
+        return any(of_base) or any(spring.dashpot or spring.power_dashpot for spring in springs)
 
     @property
     def has_samples(self) -> bool:

@@ -55,7 +55,8 @@ class SystemMatrices(Described):
     ----------
     names : tuple of str
         Names of the rows: floor_1, ..., then the attachments, or rotation_1, ... of the floors with
-        rotary inertia (rad; forces are moments); names of rows that are not floors.
+        rotary inertia (rad; forces are moments), base_rotation and base of a base with inertia or
+        dashpots; names of rows that are not floors replace those of the floors.
     mass, stiffness, damping : ndarray, shape (n, n)
         M (kg) with inerters, K with P-delta (N/m), and C (N s/m) with Rayleigh or modal damping and
         all dashpots without a brace.
@@ -137,9 +138,17 @@ def matrices(model: AnyModel) -> SystemMatrices:
         for number, story in enumerate(model.stories, start=1)
         if story.rotary_inertia
     )
-    names = (*floors, *(column_name(item.name) for item in building.attachments), *turning)
+    names = (
+        *(system.names if system and system.names else floors),
+        *(column_name(item.name) for item in building.attachments),
+        *turning,
+        *(
+            ("base_rotation", "base")[k]
+            for k in (model.matrices.base_rows if model.matrices else ())
+        ),
+    )
     return SystemMatrices(
-        names=system.names if system and system.names else names,
+        names=names,
         mass=system.mass if system else np.diag(building.mass),
         stiffness=building.stiffness_matrix(),
         damping=damping,

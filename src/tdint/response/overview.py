@@ -161,7 +161,7 @@ def overview_in_campaign(
         pga, interval = pga_of(record), record.dt
     first_period = period(omega)
     # The damped modes of taller buildings need seconds.
-    has_complex_modes = building.damped_by_devices and building.stories <= _MAX_COMPLEX_STORIES
+    has_complex_modes = part.has_dashpots and building.stories <= _MAX_COMPLEX_STORIES
     complex_modes = building.complex_modes() if has_complex_modes else None
     warnings = (
         *plausibility_warnings(part, building, pga, has_motion=source_of_record is not None),
@@ -182,7 +182,7 @@ def overview_in_campaign(
     )
     return Overview(
         part,
-        float(building.mass.sum()),
+        float(building.mass.sum()) + (part.matrices.base_inertia[1] if part.matrices else 0.0),
         float(building.height_contributions.sum()),
         first_period,
         damping,

@@ -170,7 +170,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     # and the stories above. Bearings do not contribute, because they have no height.
     contributions = applied * building.height_contributions
     turning = [i for i, story in enumerate(model.stories) if story.rotary_inertia]
-    contributions[:, turning] += forces[:, building.floors :]
+    contributions[:, turning] += forces[:, building.floors :][:, : len(turning)]
     peaks["moment"] = np.cumsum(contributions[:, ::-1], axis=1)[:, ::-1]
     correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
     srss_names = ("drift", "shear", "displacement")

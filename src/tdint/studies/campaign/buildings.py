@@ -130,6 +130,10 @@ def model_buildings(subjects: Sequence[Subject]) -> tuple[ModelBuilding, ...]:
     return tuple(result)
 
 
+_LATER_NUMBERS = ("inertance", "rotary_inertia", "base_dashpots", "base_inertia")
+"""Numbers that the digests of models without them do not contain."""
+
+
 def digest_of(model: Model, method: str) -> str:
     """Return the SHA-256 of a model and a method. Two models with the same SHA-256 have the same
     response to each ground motion."""
@@ -147,8 +151,7 @@ def digest_of(model: Model, method: str) -> str:
         dict_factory=lambda items: {
             key: value
             for key, value in items
-            if key != "fracture_ratio"
-            and (key not in ("inertance", "rotary_inertia") or np.any(value))
+            if key != "fracture_ratio" and (key not in _LATER_NUMBERS or np.any(value))
         },
     )
     if not content["initial"]["attachments"]:
