@@ -535,17 +535,16 @@ class Building:
         """Return the damped modes of the initial stiffness with all linear dampers and their
         braces; power-law dampers are omitted.
         """
+        damping = self.linear_damping()
         if self.system is not None:
             from tdint.model.linear_system import damped_modes
 
-            return solve_complex_modes(*damped_modes(self.modes(), self.system))
-        return solve_complex_modes(self.modes(), self.stiffness_matrix(), *self.linear_damping())
+            return solve_complex_modes(*damped_modes(self.modes(), self.system, *damping))
+        return solve_complex_modes(self.modes(), self.stiffness_matrix(), *damping)
 
     def linear_damping(self) -> tuple[Array, Braces]:
         """Return the damping matrix with all linear dampers without a brace, N s/m, and the linear
         dampers with a brace; power-law dampers are omitted."""
-        if self.system is not None:
-            return self.system.damping, Braces(np.zeros((0, self.masses)), np.zeros(0), np.zeros(0))
         terms = self.linear_terms[:, :-1]
         is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
         dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)

@@ -478,17 +478,19 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
     )
 
 
-def damped_modes(modes: Modes, system: LinearSystem) -> tuple[Modes, Array, Array, Braces]:
+def damped_modes(
+    modes: Modes, system: LinearSystem, damping: Array, braces: Braces
+) -> tuple[Modes, Array, Array, Braces]:
     """Return the modes in modal coordinates (with unit mass matrix), the stiffness and
-    damping matrices of these coordinates, and the dampers with braces that rows without mass are,
-    for `solve_complex_modes`."""
+    damping matrices of these coordinates, and the dampers with braces, which rows without mass are,
+    too, for `solve_complex_modes`."""
     count = modes.omega.size
-    damping = modes.modal_damping(system.damping)
-    braces = Braces(np.zeros((0, count)), np.zeros(0), np.zeros(0))
+    damping = modes.modal_damping(damping)
+    braces = braces._replace(drifts=braces.drifts @ modes.shapes)
     if system.lag is not None:
-        coupling = system.lag.coupling
+        coupling, rates = system.lag.coupling, system.lag.rates
         damping = damping - coupling @ coupling.T
-        braces = Braces(coupling.T, system.lag.rates, np.ones(len(system.lag.rates)))
+        braces = Braces(coupling.T, rates, np.ones(len(rates)))
     return (
         replace(modes, shapes=np.eye(count), mass=np.ones(count), load=None),
         np.diag(modes.omega**2),
