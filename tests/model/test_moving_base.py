@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import tdint
 from tdint.errors import ModelError
@@ -260,3 +261,37 @@ def test_devices_beside_rows_of_matrices():
 def test_invalid_devices_beside_rows(devices, message):
     with pytest.raises(ModelError, match=message):
         tdint.load_model({"matrices": ROWS, **devices})
+
+
+@pytest.mark.parametrize("story", [SHEAR, BENDING, TURNING], ids=["shear", "bending", "turning"])
+def test_a_design_spectrum_on_a_moving_base(tmp_path, story):
+    """SRSS over the modes of the assembled matrices, with a constant spectrum of 2 m/s^2."""
+    spectrum = tmp_path / "flat.csv"
+    spectrum.write_text("period_s,sa_m_s2\n0,2\n1,2\n100,2\n")
+    base = SPRINGS | DASHPOTS | INERTIA
+    model = {"stories": [story], "base": base, "plausibility": "off, test"}
+    result = tdint.response_spectrum_analysis(model, str(spectrum))
+    assembled, count = on_base(story, base, {})
+    system = tdint.matrices(tdint.load_model(assembled))
+    squared, shapes = eigh(system.stiffness, system.mass)
+    factors = shapes.T @ system.mass @ system.influence
+    displacement = shapes * (2.0 * factors / squared)
+    forces = system.stiffness @ displacement
+    drift = displacement[:3] - np.vstack([displacement[count + 1], displacement[:2]])
+    shear = np.cumsum(forces[2::-1], axis=0)[::-1]
+    for found, peaks in (
+        (result.displacement_srss, displacement[:3]),
+        (result.drift_srss, drift),
+        (result.shear_srss, shear),
+    ):
+        assert found == pytest.approx(np.sqrt(np.sum(peaks**2, axis=1)), rel=1e-9)
+    assert result.mass_ratio.sum() == pytest.approx(1.0)
+    moments = 3.0 * np.cumsum(shear[::-1], axis=0)[::-1]
+    if story is TURNING:
+        moments += np.cumsum(forces[5:2:-1], axis=0)[::-1]
+    ratios = np.sqrt(squared)[:, None] / np.sqrt(squared)
+    zeta = 0.05
+    correlation = 8.0 * zeta**2 * (1.0 + ratios) * ratios**1.5
+    correlation /= (1.0 - ratios**2) ** 2 + 4.0 * zeta**2 * ratios * (1.0 + ratios) ** 2
+    cqc = np.sqrt(np.einsum("ji,ik,jk->j", moments, correlation, moments))
+    assert result.moment_cqc == pytest.approx(cqc, rel=1e-9)

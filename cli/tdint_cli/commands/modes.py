@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tdint.errors import TdintError, UsageError
+from tdint.errors import TdintError
 from tdint.output import figures, tables
 from tdint.output.spectrum_text import spectrum_text
 from tdint_cli import options
@@ -132,14 +132,7 @@ def _transfer(model: Model, source: str, outputs: Outputs, units_of_page: Output
     from tdint.model.building import assemble
     from tdint.response.spectra.transfer import transfer_function
 
-    model.require_floors("the transfer function")
-    floors = len(model.stories)
-    if source != _GROUND and not (source.isdecimal() and 1 <= int(source) <= floors):
-        raise UsageError(
-            f"--transfer must be {_GROUND}, or a floor from 1 to {floors} for a force on this "
-            f"floor, got {source!r:.40}"
-        )
-    result = transfer_function(model, source=source if source == _GROUND else int(source))
+    result = transfer_function(model, source=int(source) if source.isdecimal() else source)
     warnings = []
     if not result.is_damped:
         warnings.append(

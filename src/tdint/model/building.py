@@ -508,12 +508,8 @@ class Building:
 
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
-        """Result of `first_mode`.
-
-        The damping ratio is phi^T C phi / (2 omega) for a shape phi with the modal mass 1. The
-        damping matrix C consists of dampers in the stories, dampers from the floors to the ground,
-        and the modal damping.
-        """
+        """Result of `first_mode`: omega, and phi^T C phi / (2 omega) for a shape phi with the modal
+        mass 1 and the `damping_matrix` C."""
         omega, shape = self.vibration.first
         if self.system is not None:
             return omega, self.system.modal_damping(self.modes(), 0) / (2.0 * omega)

@@ -194,7 +194,7 @@ def test_default_frequencies_contain_each_mode_of_a_tall_building():
 def test_invalid_sources_dampers_and_frequencies_are_refused():
     model = oscillator(0.05)
     for source in (0, 2, "top", 1.5):
-        with pytest.raises(UsageError, match="floor from 1 to 1 or the roof"):
+        with pytest.raises(UsageError, match="roof or a floor from 1 to 1"):
             transfer_function(model, source=source)
     for frequency in ([], [0.0], [math.nan]):
         with pytest.raises(UsageError, match="positive"):

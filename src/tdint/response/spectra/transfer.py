@@ -41,7 +41,7 @@ _FIRST, _LAST, _COUNT = 0.05, 2.0, 200
 _MAX_DIFFERENCE, _NEGLIGIBLE = 0.01, 0.01
 _MIN_HALVINGS, _MAX_HALVINGS = 6, 12
 
-_AT_ONCE = 256  # frequencies whose matrices are eliminated together; 3 MB for 300 masses
+_AT_ONCE = 256  # right sides that are eliminated together; 1 MB for 300 masses
 
 _MAX_GROWTH = 1e6
 """Maximum ratio of the parts of a diagonal entry to its pivot: the elimination has no pivoting, so
@@ -161,8 +161,8 @@ def transfer_function(
     is_floor = isinstance(source, int) and 1 <= source <= building.floors
     if source != GROUND and not is_floor:
         raise UsageError(
-            f"source: the force must be on a floor from 1 to {building.floors} or the {ROOF}, or "
-            f"the source must be {GROUND}, got {source!r:.40}"
+            f"the source of the transfer function must be {GROUND}, {ROOF} or a floor from 1 to "
+            f"{building.floors} for a force on this floor, got {source!r:.40}"
         )
     check_dampers(model, building, "transfer function")
     if not building.modes().omega[0]:
@@ -188,17 +188,16 @@ class _DynamicStiffness:
 
     def __init__(self, model: Model, building: Building, source: str | int) -> None:
         self.building, self.source, self.matrices = building, source, matrices(model)
-        # Springs are eliminated one by one. Most rows of other matrices are full.
-        modes, masses = len(building.modal), building.masses
-        self.is_sparse = model.matrices is None and 3 * modes < 2 * masses
+        self.has_springs = model.matrices is None
 
     def response(self, frequency: Array) -> Array:
         """Return the responses of all floors and attachments at frequencies (Hz), shape (k, n)."""
         shown = self.building.floors + len(self.building.attachments)  # without further rows
         result = np.full((frequency.size, shown), np.nan, dtype=complex)
         omega = 2.0 * math.pi * frequency
-        for start in range(0, frequency.size if self.is_sparse else 0, _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
+        at_once = 1 + _AT_ONCE // (1 + len(self.building.modal))
+        for start in range(0, frequency.size if self.has_springs else 0, at_once):
+            part = slice(start, start + at_once)
             with np.errstate(all="ignore"):  # a pivot can be zero
                 result[part] = self._eliminated(omega[part])
         for i in np.flatnonzero(np.isnan(result[:, 0])):
@@ -206,9 +205,8 @@ class _DynamicStiffness:
         return result
 
     def _solved(self, omega: float) -> Array:
-        """Return the response at a circular frequency with the complete matrix. A unit displacement
-        of the ground causes the inertia forces omega^2 M0 r in the motion relative to the
-        ground."""
+        """Return the response at a circular frequency with the complete matrix. A unit motion of
+        the ground causes the forces omega^2 M0 r in the motion relative to the ground."""
         parts = self.matrices
         drifts, brace, damper = parts.braces
         rate = 1j * omega * damper
@@ -220,17 +218,12 @@ class _DynamicStiffness:
         return np.asarray(np.linalg.solve(matrix, load) + parts.influence)
 
     def _eliminated(self, omega: Array) -> Array:
-        """Return the responses at circular frequencies by the elimination of the steps, with arrays
-        over the frequencies as entries of the matrix; nan at frequencies with a small pivot, where
-        a part of the building resonates without damping.
-
-        The Woodbury formula adds modal damping, as in `tridiagonal`.
-        """
+        """Return the responses at circular frequencies by the elimination of `tridiagonal`, with
+        arrays over the frequencies as entries, and its formula for modal damping; nan at a small
+        pivot, where a part of the building resonates without damping."""
         building, terms = self.building, self.building.linear_terms
         n, masses, modal = building.stories, building.masses, building.modal[:, : building.masses]
-        link, upper, brace, braced, power = terms[
-            [rows.LINK, rows.UPPER_FLOOR, rows.BRACE, rows.BRACED_DAMPER, rows.POWER_DAMPER], :-1
-        ]
+        brace, braced, power = terms[[rows.BRACE, rows.BRACED_DAMPER, rows.POWER_DAMPER], :-1]
         # An inerter of an attachment acts on its motion relative to the ground.
         inertance, to_ground = np.zeros(n), np.zeros(masses)
         if building.system is not None and len(building.system.inerters):
@@ -241,9 +234,8 @@ class _DynamicStiffness:
         dampers = building.story_dampers + np.where(brace == 0.0, power, 0.0)
         springs = building.initial_stiffness[:, None] + np.outer(dampers, rate)
         springs = springs - np.outer(inertance, omega**2)
-        has_brace = brace != 0.0
-        series, stiffness = np.outer(braced[has_brace], rate), brace[has_brace, None]
-        springs[has_brace] += stiffness * series / (stiffness + series)
+        series, stiffness = np.outer(braced, rate), brace[:, None]
+        springs += np.where(stiffness != 0.0, stiffness * series / (stiffness + series), 0.0)
         grounded = np.outer(terms[rows.FLOOR_DAMPER, :masses], rate)
         grounded = grounded - np.outer(to_ground, omega**2)
         sides = np.zeros((n, 1 + len(modal), omega.size), dtype=complex)
@@ -251,8 +243,9 @@ class _DynamicStiffness:
         if self.source == GROUND:
             # Only springs and dampers to the ground move a floor if the ground moves.
             sides[:masses, 0] = grounded + np.outer(modal.T @ modal.sum(axis=1), rate)
-            ends = upper[link == 0.0].astype(int) if building.branched else link == 0.0
-            np.add.at(sides[:, 0], ends, springs[link == 0.0])
+            on_ground = np.flatnonzero(terms[rows.LINK, :-1] == 0.0)
+            upper = terms[rows.UPPER_FLOOR, on_ground].astype(int)
+            np.add.at(sides[:, 0], upper, springs[on_ground])
         else:
             sides[int(self.source) - 1, 0] = 1.0
         pivots, inertia = springs.copy(), np.outer(building.mass, omega**2)
@@ -269,14 +262,12 @@ class _DynamicStiffness:
         tridiagonal.solve(factors, 2, n)
         result = np.array([table[2, i] for i in range(masses)])
         inverse = np.array([table[0, i] for i in range(masses)])
-        values = result[:, 0]
-        if len(modal):
-            amplitudes = np.tensordot(modal, result, 1).T * rate[:, None, None]
-            small = np.eye(len(modal)) + np.swapaxes(amplitudes[:, 1:], 1, 2)
-            amplitude = np.linalg.solve(small, amplitudes[:, 0, :, None])[..., 0]
-            values = values - np.einsum("imk,km->ik", result[:, 1:], amplitude)
-        is_small = ~np.all(np.abs(inverse) * size < _MAX_GROWTH, axis=0)
-        return np.where(is_small[:, None], np.nan, values.T)
+        amplitudes = np.tensordot(modal, result, 1).T * rate[:, None, None]
+        small = np.eye(len(modal)) + np.swapaxes(amplitudes[:, 1:], 1, 2)
+        amplitude = np.linalg.solve(small, amplitudes[:, 0, :, None])[..., 0]
+        values = result[:, 0] - np.einsum("imk,km->ik", result[:, 1:], amplitude)
+        is_large = np.all(np.abs(inverse) * size < _MAX_GROWTH, axis=0)
+        return np.where(is_large[:, None], values.T, np.nan)
 
 
 def _resolved(stiffness: _DynamicStiffness) -> tuple[Array, Array]:
