@@ -295,3 +295,23 @@ def test_a_design_spectrum_on_a_moving_base(tmp_path, story):
     correlation /= (1.0 - ratios**2) ** 2 + 4.0 * zeta**2 * ratios * (1.0 + ratios) ** 2
     cqc = np.sqrt(np.einsum("ji,ik,jk->j", moments, correlation, moments))
     assert result.moment_cqc == pytest.approx(cqc, rel=1e-9)
+
+
+@pytest.mark.parametrize("base", [SPRINGS | DASHPOTS, SPRINGS | DASHPOTS | INERTIA])
+def test_a_run_on_a_moving_base_is_continued(base):
+    """Initial displacements of the floors move the base to its static position; the state at the
+    end contains the motion of the base and of the devices."""
+    initial = {"displacement": [0.1, 0.2, 0.3]}
+    model = {"stories": [SHEAR], "base": base, "initial": initial, "plausibility": "off, test"}
+    samples = np.sin(np.arange(201) * 0.09)
+    motions = (samples, samples[:101], samples[100:])
+    motions = [tdint.make_record(part, dt=0.02, units="m/s^2") for part in motions]
+    for devices in ({}, DEVICES):
+        settings = {"history": True, "check": False}
+        whole = tdint.run({**model, **devices}, motions[0], **settings).history
+        first = tdint.run({**model, **devices}, motions[1], check=False)
+        second = tdint.run({**model, **devices}, motions[2], initial=first.final_state, **settings)
+        expected = whole.displacement[100:201]
+        found = second.history.displacement[:101]
+        assert found == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+        assert np.abs(whole.displacement[0]) == pytest.approx([0.1, 0.2, 0.3])
