@@ -234,10 +234,13 @@ def test_devices_beside_rows_of_matrices():
 @pytest.mark.parametrize(
     ("devices", "message"),
     [
-        ({"links": [{"from": "deck", "to": "top", "stiffness": 1}]}, r"to: unknown row 'top'"),
+        (
+            {"links": [{"from": "deck", "to": "top", "stiffness": 1}]},
+            r"to: unknown row or attachment 'top'",
+        ),
         (
             {"attachments": [{"name": "tmd", "floor": "deek", "mass": 1, "stiffness": 1}]},
-            "floor: unknown row 'deek'; did you mean 'deck'",
+            "floor: unknown row or attachment 'deek'; did you mean 'deck'",
         ),
         (
             {"attachments": [{"name": "deck", "floor": 1, "mass": 1, "stiffness": 1}]},
@@ -315,3 +318,18 @@ def test_a_run_on_a_moving_base_is_continued(base):
         found = second.history.displacement[:101]
         assert found == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
         assert np.abs(whole.displacement[0]) == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_a_force_on_an_attachment_of_a_row():
+    own = tuple(np.array(ROWS[name]) for name in NAMES[:3])
+    rows = {"deck": 0, "side": 1, "tip": 2, 2: 1}
+    assembled = with_devices(own, rows, ON_ROWS, ROWS["influence"])
+    model = {"matrices": ROWS, **ON_ROWS}
+    histories = []
+    for content, place in ((model, "box"), (assembled, 6)):
+        force = {"floor": place, "points": [[0, 0], [1, 3], [2, -1], [4, 0]]}
+        loaded = {**content, "excitation": {"forces": [force]}}
+        histories.append(tdint.run(loaded, dt=0.02, duration=5, history=True, check=False).history)
+    found, expected = (item.displacement[:, :3] for item in histories)
+    assert found == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    assert np.abs(expected).max() > 0.0
