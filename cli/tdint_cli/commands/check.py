@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -75,7 +74,6 @@ def command(
     from tdint.units import SI
     from tdint_cli.drawing import emit_table
 
-    change = partial(options.analysis.changed, changes=changes)
     # An invalid file does not prevent the check of other files. The models of a campaign file
     # replace it in the list.
     overviews: list[Overview] = []
@@ -92,7 +90,11 @@ def command(
         try:
             models_of_campaign = call("models of a campaign", file)
             if models_of_campaign is None:
-                overviews.append(overview_in_campaign(file, given_times, change))
+                overviews.append(
+                    overview_in_campaign(
+                        file, given_times, lambda m: options.analysis.changed(m, changes)
+                    )
+                )
                 failures += call("laws of plug-ins", file, plugins)
             elif changes:
                 raise UsageError(f"--set cannot be used with the campaign {file}; use its `vary`")

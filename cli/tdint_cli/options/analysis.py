@@ -84,7 +84,6 @@ def _changes(
 
 
 changes = grammar.option("--set", "changes", multiple=True, callback=_changes)
-"""The option --set: texts by the names of parameters, for `changed`."""
 
 
 def changed(model: Model, changes: Mapping[str, str]) -> Model:

@@ -721,8 +721,8 @@ class Model:
             raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
 
     def file_value(self, name: str, value: float | str) -> float:
-        """Return the value of a parameter in SI units, like `si_value`, from a number in the units
-        of the file or a text: `vary` of campaigns, `--vary` and `--set`."""
+        """Return the value of a parameter in SI units, like `si_value`, from a text or a number in
+        the units of the file."""
         number = number_or_nan(value) if isinstance(value, str) else float(value)
         if math.isfinite(number):
             return number * self.unit_of(name)[1]

@@ -276,9 +276,8 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
     names = tuple(map(column_name, model.rows))
     has_lag = len(matrices.damping) or any(matrices.base_dashpots)
     lag = _lag(vibration.modes, inertia, stiffness, damping) if has_lag else None
-    matrices_of_system = inertia, mass, stiffness, damping
     system = LinearSystem(
-        *matrices_of_system,
+        *(inertia, mass, stiffness, damping),
         *(influence, drifts, cuts, np.vstack([cuts @ stiffness, stiffness[n:]])),
         *(names, flexure, lag),
     )

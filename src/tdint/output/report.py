@@ -102,7 +102,7 @@ def model_chapter(
     )
     if model.varied_parameters:
         changed = (
-            f"{name} {f'{value:.6g} {model.unit_of(name, SI)[0]}'.rstrip()}"
+            f"{name} {value:.6g} {model.unit_of(name, SI)[0]}".rstrip()
             for name, value in model.varied_parameters
         )
         facts += f" Values instead of those of the model file: {', '.join(changed)}."

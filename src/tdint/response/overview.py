@@ -131,7 +131,7 @@ def overview_in_campaign(
     given_times : collection of str
         `dt` and `duration` if the campaign specifies them, so that the model does not need them.
     change : callable
-        Returns the model with changed parameters.
+        Function that changes the model.
     """
     # The model layer has no access to the methods and does not open records. These checks are added
     # by the key of the entry, so that errors are reported at its line.

@@ -84,7 +84,7 @@ class HistoryLayout(NamedTuple):
         The columns of time, ground and energies have an empty name.
         """
         stories, error, elements, devices, rows = self
-        numbers = range(0 if rows else 1, 0 if rows else stories + 1)
+        numbers = range(1, 1 if rows else stories + 1)
         floors, story_names = (
             tuple(f"{location}_{i}" for i in numbers) for location in ("floor", "story")
         )

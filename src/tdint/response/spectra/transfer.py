@@ -158,8 +158,7 @@ def transfer_function(
     model.require_floors("the transfer function")
     building = assemble(model)
     source = building.floors if source == ROOF else source
-    is_floor = isinstance(source, int) and 1 <= source <= building.floors
-    if source != GROUND and not is_floor:
+    if source != GROUND and source not in range(1, building.floors + 1):
         raise UsageError(
             f"the source of the transfer function must be {GROUND}, {ROOF} or a floor from 1 to "
             f"{building.floors} for a force on this floor, got {source!r:.40}"
@@ -230,6 +229,7 @@ class _DynamicStiffness:
             inertance[:] = building.system.inerters.max(axis=1)
             to_ground[building.floors :] = inertance[building.floors : masses]
             inertance[building.floors : masses] = 0.0
+        # Complex stiffnesses of the springs, and of the floors to the ground
         rate = 1j * omega
         dampers = building.story_dampers + np.where(brace == 0.0, power, 0.0)
         springs = building.initial_stiffness[:, None] + np.outer(dampers, rate)
@@ -238,6 +238,7 @@ class _DynamicStiffness:
         springs += np.where(stiffness != 0.0, stiffness * series / (stiffness + series), 0.0)
         grounded = np.outer(terms[rows.FLOOR_DAMPER, :masses], rate)
         grounded = grounded - np.outer(to_ground, omega**2)
+        # Right sides: the source, then the vectors of modal damping
         sides = np.zeros((n, 1 + len(modal), omega.size), dtype=complex)
         sides[:masses, 1:] = modal.T[:, :, None]
         if self.source == GROUND:
@@ -248,6 +249,7 @@ class _DynamicStiffness:
             np.add.at(sides[:, 0], upper, springs[on_ground])
         else:
             sides[int(self.source) - 1, 0] = 1.0
+        # The table of the elimination has an array for each row and column.
         pivots, inertia = springs.copy(), np.outer(building.mass, omega**2)
         pivots[:masses] += grounded - inertia
         table = {
@@ -260,8 +262,8 @@ class _DynamicStiffness:
         size = np.abs(pivots[:masses]) + inertia
         tridiagonal.factor(factors, n)
         tridiagonal.solve(factors, 2, n)
-        result = np.array([table[2, i] for i in range(masses)])
-        inverse = np.array([table[0, i] for i in range(masses)])
+        result, inverse = (np.array([table[row, i] for i in range(masses)]) for row in (2, 0))
+        # Woodbury formula
         amplitudes = np.tensordot(modal, result, 1).T * rate[:, None, None]
         small = np.eye(len(modal)) + np.swapaxes(amplitudes[:, 1:], 1, 2)
         amplitude = np.linalg.solve(small, amplitudes[:, 0, :, None])[..., 0]

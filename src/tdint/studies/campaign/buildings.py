@@ -131,7 +131,6 @@ def model_buildings(subjects: Sequence[Subject]) -> tuple[ModelBuilding, ...]:
 
 
 _LATER_NUMBERS = ("inertance", "rotary_inertia", "base_dashpots", "base_inertia")
-"""Numbers that the digests of models without them do not contain."""
 
 
 def digest_of(model: Model, method: str) -> str:
@@ -145,7 +144,7 @@ def digest_of(model: Model, method: str) -> str:
     # The ground motion of the model is not used in a campaign.
     unexcited = replace(model, excitation=Excitation(None, model.excitation.forces))
     # The ratio of a fracture drift only determines variations of the model. Stores of earlier
-    # versions contain digests without inertia of inerters and rotations, and initial attachments.
+    # versions contain digests without `_LATER_NUMBERS` and initial attachments.
     content = asdict(
         unexcited,
         dict_factory=lambda items: {
