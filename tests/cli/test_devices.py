@@ -276,3 +276,40 @@ def test_figure_and_report_show_attachments_and_links(shaken):
     ]
     assert table[1][4].startswith("bilinear") and table[2][5].startswith("9e+04 v")
     assert device_model_table(model) is None
+
+
+ROWS = """
+units: {length: m, force: kN, mass: t}
+matrices:
+  names: [deck, tip]
+  mass: [300, 120]
+  stiffness: [[9000, -3000], [-3000, 3000]]
+  damping: [[40, 0], [0, 20]]
+attachments: [{name: tmd, floor: tip, mass: 10, stiffness: 200, dashpot: 5}]
+links: [{name: strut, from: deck, to: tip, dashpot: 40}, {from: ground, to: deck, stiffness: 100}]
+excitation: {record: {file: motion.csv, units: m/s^2}}
+"""
+
+
+def test_tables_name_the_rows_of_devices(folder, tdint):
+    (folder / "model.yaml").write_text(ROWS)
+    (folder / "motion.csv").write_text(
+        "time_s,acceleration\n" + "".join(f"{0.02 * i:.2f},{i % 7 - 3}\n" for i in range(60))
+    )
+    printed = tdint("run", "model.yaml", "-o", "out", "--history", code=0).stderr
+    assert "Attachment tmd on row tip: stroke" in printed
+    (tmd,) = rows((folder / "out/attachments.csv").read_text())
+    strut, link = rows((folder / "out/links.csv").read_text())
+    assert tmd["floor"] == "tip" and (strut["from"], strut["to"]) == ("deck", "tip")
+    assert (link["from"], link["to"]) == ("ground", "deck")
+    summary = json.loads((folder / "out/summary.json").read_text())
+    assert summary["attachments"][0]["floor"] == "tip"
+    history = rows((folder / "out/history.csv").read_text())
+    strokes = [float(row["tmd_drift_m"]) for row in history]
+    assert max(map(abs, strokes)) == pytest.approx(float(tmd["peak_drift_m"]), rel=0.02)
+    for row in history:
+        difference = float(row["tip_displacement_m"]) - float(row["deck_displacement_m"])
+        assert float(row["strut_deformation_m"]) == pytest.approx(difference, abs=1e-11)
+    modes = rows(tdint("modes", "model.yaml", "--shapes", code=0).stdout)
+    assert {"deck_shape", "tip_shape", "tmd_shape"} <= modes[0].keys() and len(modes) == 3
+    tdint.refused("not for rows of `matrices`", "modes", "model.yaml", "--transfer", code=2)

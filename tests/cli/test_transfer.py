@@ -70,14 +70,15 @@ def test_the_option_may_precede_the_model(frame, tdint):
     assert tdint("modes", "--transfer", "ground", frame, code=0).stdout == after
     force = tdint("modes", frame, "--transfer", "2", code=0).stdout
     assert tdint("modes", "--transfer", "2", frame, code=0).stdout == force != after
+    assert tdint("modes", "--transfer", "roof", frame, code=0).stdout == force
     shapes = tdint("modes", frame, "--shapes", code=0).stdout
     assert tdint("modes", "--shapes", frame, code=0).stdout == shapes
 
 
 def test_invalid_calls_are_refused(frame, tdint):
-    for source in ("3", "0", "roof"):
+    for source in ("3", "0", "attic"):
         tdint.refused(
-            f"Error: --transfer ... ground ... from 1 to 2 ... '{source}'",
+            f"Error: the source of the transfer function ... ground ... from 1 to 2 ... {source}",
             "modes",
             frame,
             "--transfer",

@@ -62,10 +62,6 @@ def test_shear_stories_on_a_base_that_rotates_and_moves():
         (frame(stories=[{**TWO[0], "elements": []}, TWO[1]]), r"stories\[1\].elements"),
         (frame(stories=[{**TWO[0], "dashpot": 5}, TWO[1]]), r"stories\[1\].dashpot"),
         (frame(p_delta=True), r"P-delta of stories needs their springs"),
-        (
-            {**rows(), "attachments": [{"floor": 1, "mass": 1, "stiffness": 1}]},
-            r"attachments: cannot be",
-        ),
         (frame(base={"rotation": 1}), r"base: cannot be used with `stiffness_matrix`"),
         (on_base(law=YIELDING), r"base: story 1 has a law or elements; the floors above"),
         (on_base(dashpot=5), r"base: story 1 has a dashpot"),

@@ -154,3 +154,24 @@ def test_power_law_dampers_are_refused_by_name():
     for call in (tdint.matrices, tdint.transfer_function):
         with pytest.raises(ModelError, match=r"damper has a power-law dashpot.*exponent 1"):
             call({**MODEL, "links": [link]})
+
+
+@pytest.mark.parametrize("dashpot", [{"brace": 9e5}, {}], ids=["braced", "exponent 1"])
+def test_dampers_beside_an_inerter(dashpot):
+    """A mass of 700 kg with an inerter of 300 kg to the ground and a mass of 1000 kg have equal
+    damped modes and responses per force. Formerly, the damper had no effect."""
+    damper = {"coefficient": 9e3, "exponent": 1.0, **dashpot}
+    story = {"mass": 1000.0, "stiffness": 4e5, "dashpot": damper}
+    inerter = {"from": "ground", "to": 1, "inertance": 300.0}
+    one = tdint.load_model({"stories": [story]})
+    other = tdint.load_model({"stories": [story | {"mass": 700.0}], "links": [inerter]})
+    values, expected = (assemble(model).complex_modes().eigenvalues for model in (other, one))
+    assert values == pytest.approx(expected, rel=1e-12)
+    assert expected.real < -1.0
+    frequency = np.array([1.0, 3.0, 9.0])
+    values, expected = (
+        tdint.transfer_function(model, frequency, source=1).response for model in (other, one)
+    )
+    assert values == pytest.approx(expected, rel=1e-12)
+    values, expected = (np.linalg.eigvals(tdint.matrices(m).state_space().a) for m in (other, one))
+    assert np.sort(values) == pytest.approx(np.sort(expected), rel=1e-9)

@@ -22,11 +22,13 @@ if TYPE_CHECKING:
 @options.command
 @options.analysis.plugins
 @click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
+@options.analysis.changes
 @options.option("--schema", is_flag=False, flag_value="model")
 @options.output.units
 def command(
     models: tuple[str, ...],
     plugins: tuple[str, ...],
+    changes: dict[str, str],
     schema: str | None,
     output_units: OutputUnits | None,
 ) -> None:
@@ -88,8 +90,14 @@ def command(
         try:
             models_of_campaign = call("models of a campaign", file)
             if models_of_campaign is None:
-                overviews.append(overview_in_campaign(file, given_times))
+                overviews.append(
+                    overview_in_campaign(
+                        file, given_times, lambda m: options.analysis.changed(m, changes)
+                    )
+                )
                 failures += call("laws of plug-ins", file, plugins)
+            elif changes:
+                raise UsageError(f"--set cannot be used with the campaign {file}; use its `vary`")
             else:
                 listed, errors_of_campaign = models_of_campaign
                 waiting_files.extendleft(reversed(listed))

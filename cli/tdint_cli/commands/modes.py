@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tdint.errors import TdintError, UsageError
+from tdint.errors import TdintError
 from tdint.output import figures, tables
 from tdint.output.spectrum_text import spectrum_text
 from tdint_cli import options
@@ -30,6 +30,7 @@ _GROUND = "ground"  # source of the motion for --transfer, as in `analysis.spect
 
 @options.command
 @options.analysis.model
+@options.analysis.changes
 @options.option("--shapes", is_flag=False, flag_value="roof")
 @options.option("--transfer", is_flag=False, flag_value=_GROUND)
 @options.spectra.target(
@@ -38,7 +39,12 @@ _GROUND = "ground"  # source of the motion for --transfer, as in `analysis.spect
 )
 @options.output.to_files(picture=True, page=True)
 def command(
-    model: str, shapes: str | None, transfer: str | None, target: str | None, outputs: Outputs
+    model: str,
+    changes: dict[str, str],
+    shapes: str | None,
+    transfer: str | None,
+    target: str | None,
+    outputs: Outputs,
 ) -> None:
     """Compute natural periods, damping ratios, modal masses and shapes of a building.
 
@@ -59,7 +65,7 @@ def command(
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
-    loaded = load_model(model)
+    loaded = options.analysis.changed(load_model(model), changes)
     options.analysis.warn_of(loaded)
     page_units, outputs = outputs.units or loaded.page_units, outputs.else_in(loaded.output_units)
     if transfer is not None:
@@ -72,9 +78,9 @@ def command(
     modes = building.modes()
     matrix = building.damping_matrix()
     ratios = modes.own_damping(matrix)
-    complex_modes = building.complex_modes() if building.damped_by_devices else None
+    complex_modes = building.complex_modes() if loaded.has_dashpots else None
     floors = [f"floor {floor}" for floor in range(1, building.floors + 1)]
-    names = loaded.rows or (*floors, *(attachment.name for attachment in loaded.attachments))
+    names = (*(loaded.rows or floors), *(attachment.name for attachment in loaded.attachments))
     table = tables.buildings.mode_table(
         modes, ratios, shapes, names=names, complex_modes=complex_modes
     )
@@ -126,14 +132,7 @@ def _transfer(model: Model, source: str, outputs: Outputs, units_of_page: Output
     from tdint.model.building import assemble
     from tdint.response.spectra.transfer import transfer_function
 
-    model.require_floors("the transfer function")
-    floors = len(model.stories)
-    if source != _GROUND and not (source.isdecimal() and 1 <= int(source) <= floors):
-        raise UsageError(
-            f"--transfer must be {_GROUND}, or a floor from 1 to {floors} for a force on this "
-            f"floor, got {source!r:.40}"
-        )
-    result = transfer_function(model, source=source if source == _GROUND else int(source))
+    result = transfer_function(model, source=int(source) if source.isdecimal() else source)
     warnings = []
     if not result.is_damped:
         warnings.append(

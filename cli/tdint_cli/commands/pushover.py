@@ -26,6 +26,7 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
 
 @options.command
 @options.analysis.model
+@options.analysis.changes
 @options.option("--pattern", default="first-mode")
 @options.option("--drift", default="4%")
 @options.option("--points", type=Count(1, 100_000), default=200)
@@ -41,6 +42,7 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
 @options.output.to_files(picture=True, page=True)
 def command(
     model: str,
+    changes: dict[str, str],
     pattern: str,
     drift: DriftSize,
     points: int,
@@ -64,7 +66,7 @@ def command(
     from tdint.model.config.model_file import load_model
     from tdint.response.static.pushover import pushover
 
-    loaded = load_model(model)
+    loaded = options.analysis.changed(load_model(model), changes)
     page_units = outputs.units or loaded.page_units
     outputs = outputs.else_in(loaded.output_units)
     loaded = replace(loaded, output_units=outputs.shown_units)

@@ -33,7 +33,7 @@ from tdint_cli.commands.run_request import (
 from tdint_cli.demand_limits import check_limit_options, outcome_text
 from tdint_cli.drawing import emit_table
 from tdint_cli.handlers import call
-from tdint_cli.options.analysis import with_motion
+from tdint_cli.options.analysis import changed, with_motion
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.terminal import complain, is_debug, is_quiet, note, note_of_runs, say, warn
 
@@ -236,7 +236,7 @@ def _model(request: Request) -> Model:
     --sequence, the record of the model is unchanged."""
     from tdint.model.config.model_file import load_model
 
-    model = load_model(request.model)
+    model = changed(load_model(request.model), request.changes)
     if not request.sequence:
         model = with_motion(model, request)
     if (units := request.output_units) is None:

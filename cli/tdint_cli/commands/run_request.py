@@ -65,6 +65,7 @@ class Request(BuildingRequest, SuiteRequest):
     pair_demand: str | None = options.option()
     allow_unstable: bool = options.option()
     jobs: int | None = options.option()
+    changes: dict[str, str] = options.analysis.changes
 
     def check_sequence(self) -> None:
         """Raise UsageError if the records or the factors of --sequence are invalid.
@@ -163,4 +164,5 @@ class Request(BuildingRequest, SuiteRequest):
             "allow_unstable": self.allow_unstable or None,
             **({"sequence": True, "rest_s": self.rest} if self.sequence else {}),
             "floor_spectra": list(self.floor_request.floors or ()),
+            "changes": self.changes or None,
         }

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from tdint.errors import UsageError
+from tdint.number_parsing import number_or_nan
 from tdint_cli.options import grammar
 from tdint_cli.options.option_types import FileName, ListOf, Written
 from tdint_cli.options.record import RecordRequest
@@ -49,6 +53,53 @@ plugin = grammar.option("--plugin", "plugins", is_eager=True, callback=_load, ex
 """The option --plugin; a command with `plugins` receives the files as an argument."""
 
 method = grammar.option("--method", type=method_name)
+
+
+# ---- Changed parameters of the model
+
+
+def assignments(texts: Iterable[str], error: Callable[[str], UsageError]) -> dict[str, str]:
+    """Return the values by name of texts NAME=VALUE, separated by commas; the last value of a name
+    applies. `error` returns the error of a text in another form."""
+    values: dict[str, str] = {}
+    for text in chain.from_iterable(text.split(",") for text in texts):
+        name, equals, value = map(str.strip, text.partition("="))
+        if not (name and equals and value):
+            raise error(text)
+        values[name] = value
+    return values
+
+
+def _changes(
+    context: click.Context, option: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, str]:
+    """Split the values of --set (callback of the option)."""
+    return assignments(
+        texts,
+        lambda text: UsageError(
+            f"--set {text!r} must be KEY=VALUE, such as damping=2% or "
+            "stories[1].stiffness='300 kN/mm'"
+        ),
+    )
+
+
+changes = grammar.option("--set", "changes", multiple=True, callback=_changes)
+
+
+def changed(model: Model, changes: Mapping[str, str]) -> Model:
+    """Return the model with the values of --set, and warn of the units of its numbers."""
+    result = model.changed({name: model.file_value(name, changes[name]) for name in changes})
+    for name, text in changes.items():
+        warn_of_unit(model, "--set", name, (text,))
+    return result
+
+
+def warn_of_unit(model: Model, option: str, name: str, texts: Iterable[str]) -> None:
+    """Warn of numbers without a unit in the values of a parameter if the unit of the model is not
+    an SI unit."""
+    unit, factor = model.unit_of(name)
+    if factor != 1.0 and any(math.isfinite(number_or_nan(text)) for text in texts):
+        warn(f"{option} {name}: numbers are in {unit}, units of {model.source}")
 
 
 # ---- This part combines the model and the options of the record: the building of a command line

@@ -373,11 +373,14 @@ def command_line() -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """Return the value of an option in a form that JSON can represent.
 
-    None, a boolean, a number or a text is returned unchanged, and a tuple as a list. Any other
+    None, a boolean, a number or a text is returned unchanged, a tuple as a list, a
+    dictionary with such values. Any other
     value, such as a grid of periods, is returned as its text on the command line.
     """
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
     if value is None or isinstance(value, bool | int | float | str):
         return value
     return getattr(value, "text", str(value))

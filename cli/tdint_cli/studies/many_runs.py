@@ -20,7 +20,7 @@ from tdint.studies.campaign.inputs import Inputs, read_inputs
 from tdint.studies.campaign.plan import make_plan
 from tdint.system import processors
 from tdint_cli.commands.run_request import Request
-from tdint_cli.options.analysis import with_motion
+from tdint_cli.options.analysis import changed, with_motion
 from tdint_cli.studies.campaign_files import check_names, execute_campaign
 
 
@@ -48,7 +48,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         raise UsageError("with several records or scales, inputs must be files, not standard input")
     # Outputs are checked before the model is read, and before the runs.
     check_names(Path(request.output) if request.output else None, request)
-    model = load_model(request.model)
+    model = changed(load_model(request.model), request.changes)
     # The runs are a campaign with a single building, but without a campaign file.
     factors = request.factors
     own = (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,14 +12,15 @@ import click
 from tdint import studies
 from tdint.errors import UsageError
 from tdint.files import digest_of, is_folder, record_digest
-from tdint.number_parsing import number_or_nan, pluralize
+from tdint.number_parsing import pluralize
 from tdint.system import processors
 from tdint_cli import options
+from tdint_cli.options.analysis import assignments, warn_of_unit
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.terminal import Failures, note, note_of_runs, say, warn
+from tdint_cli.terminal import Failures, note, note_of_runs, say
 
 if TYPE_CHECKING:
     from tdint.model.definition import Model
@@ -31,12 +31,11 @@ def _ranges(
 ) -> dict[str, tuple[str, str]]:
     """Split the values of --vary (click callback): NAME=LOW:HIGH, separated by commas."""
     ranges: dict[str, tuple[str, str]] = {}
-    for text in chain.from_iterable(text.split(",") for text in texts):
-        name, _, range_text = text.partition("=")
-        low, colon, high = range_text.partition(":")
-        if not (name.strip() and colon and low.strip() and high.strip()):
-            raise _range_error(text)
-        ranges[name.strip()] = low.strip(), high.strip()
+    for name, text in assignments(texts, _range_error).items():
+        low, colon, high = text.partition(":")
+        if not (colon and low.strip() and high.strip()):
+            raise _range_error(f"{name}={text}")
+        ranges[name] = low.strip(), high.strip()
     return ranges
 
 
@@ -55,17 +54,11 @@ def _si_ranges(
     in its file, which a line reports if these are not SI units."""
     si_ranges: dict[str, tuple[float, float]] = {}
     for name, texts in ranges.items():
-        unit, factor = model.unit_of(name)
-        plain = [number_or_nan(text) for text in texts]
-        low, high = (
-            number * factor if math.isfinite(number) else model.si_value(name, text)
-            for text, number in zip(texts, plain, strict=True)
-        )
+        low, high = (model.file_value(name, text) for text in texts)
         if not low < high:
             raise _range_error(f"{name}={':'.join(texts)}")
         si_ranges[name] = low, high
-        if factor != 1.0 and any(map(math.isfinite, plain)):
-            warn(f"--vary {name}: numbers are in {unit}, units of {model.source}")
+        warn_of_unit(model, "--vary", name, texts)
     return si_ranges
 
 

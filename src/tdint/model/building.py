@@ -39,7 +39,7 @@ from tdint.model.modes import (
 )
 from tdint.model.story import Story, column_name
 from tdint.model.story_laws import CODES, LAWS, Law, of_samples
-from tdint.model.topology import GROUND, extended, incidence, springs_of, store_ends
+from tdint.model.topology import GROUND, NO_SPRING, extended, incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -133,8 +133,12 @@ class Building:
 
     @property
     def masses(self) -> int:
-        """Number of masses: of floors and attachments."""
-        return self.floors + len(self.attachments) if self.branched else self.stories
+        """Number of masses: of floors and attachments, and of further rows of matrices."""
+        if not self.branched:
+            return self.stories
+        if self.system is not None:
+            return len(self.system.mass)
+        return self.floors + len(self.attachments)
 
     @property
     def mass(self) -> Array:
@@ -163,12 +167,13 @@ class Building:
 
     def initial_values(self, floors: Sequence[float], attachments: Sequence[float]) -> Array:
         """Return the initial displacements or velocities of all columns: attachments without a
-        value (nan) start with the motion of their floors, rotations with the static rotations."""
+        value (nan) start with the motion of their floors, further rows with their static motion."""
         values = extended(self.linear_terms, floors, attachments)
-        if self.system is not None and not self.branched:
-            turning, stiffness = slice(len(floors), None), self.system.stiffness[len(floors) :]
-            values[turning] = -np.linalg.solve(
-                stiffness[:, turning], stiffness[:, : len(floors)] @ floors
+        if self.system is not None:
+            start = self.floors + len(self.attachments)
+            further, stiffness = slice(start, self.masses), self.system.stiffness[start:]
+            values[further] = -np.linalg.solve(
+                stiffness[:, further], stiffness[:, :start] @ values[:start]
             )
         return values
 
@@ -503,12 +508,8 @@ class Building:
 
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
-        """Result of `first_mode`.
-
-        The damping ratio is phi^T C phi / (2 omega) for a shape phi with the modal mass 1. The
-        damping matrix C consists of dampers in the stories, dampers from the floors to the ground,
-        and the modal damping.
-        """
+        """Result of `first_mode`: omega, and phi^T C phi / (2 omega) for a shape phi with the modal
+        mass 1 and the `damping_matrix` C."""
         omega, shape = self.vibration.first
         if self.system is not None:
             return omega, self.system.modal_damping(self.modes(), 0) / (2.0 * omega)
@@ -530,17 +531,16 @@ class Building:
         """Return the damped modes of the initial stiffness with all linear dampers and their
         braces; power-law dampers are omitted.
         """
+        damping = self.linear_damping()
         if self.system is not None:
             from tdint.model.linear_system import damped_modes
 
-            return solve_complex_modes(*damped_modes(self.modes(), self.system))
-        return solve_complex_modes(self.modes(), self.stiffness_matrix(), *self.linear_damping())
+            return solve_complex_modes(*damped_modes(self.modes(), self.system, *damping))
+        return solve_complex_modes(self.modes(), self.stiffness_matrix(), *damping)
 
     def linear_damping(self) -> tuple[Array, Braces]:
         """Return the damping matrix with all linear dampers without a brace, N s/m, and the linear
         dampers with a brace; power-law dampers are omitted."""
-        if self.system is not None:
-            return self.system.damping, Braces(np.zeros((0, self.masses)), np.zeros(0), np.zeros(0))
         terms = self.linear_terms[:, :-1]
         is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
         dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)
@@ -690,9 +690,10 @@ def _with_inertance(
     return table
 
 
-def _assemble_springs(model: Model, samples: tuple[int, ...]) -> Building:
-    """Assemble the arrays of a building of springs, without its inerters."""
+def _assemble_springs(model: Model, samples: tuple[int, ...], further: int = 0) -> Building:
+    """Assemble the arrays of a building of springs, without its inerters, with further columns."""
     stories, ends = springs_of(model)
+    stories, ends = (*stories, *(NO_SPRING,) * further), [*ends, *((0, GROUND),) * further]
     n, floors = len(stories), len(model.stories)
     if has_tangent_damping(model.damping):
         for i, story in enumerate(stories):
@@ -784,11 +785,12 @@ def _assemble_linear(model: Model) -> Building:
     if model.devices:
         # Springs with the stiffness of the drifts take the place of the stories.
         stories = tuple(
-            replace(story, stiffness=stiffness, flexural=None)
-            for story, stiffness in zip(model.stories, system.drift_stiffness.tolist(), strict=True)
+            replace(story, stiffness=float(stiffness), flexural=None)
+            for story, stiffness in zip(model.stories, system.drift_stiffness, strict=False)
         )
         springs = replace(model, stories=stories, matrices=None, damping=None)
-        return _with_matrices(_assemble_springs(springs, ()), springs, system)
+        further = len(system.mass) - len(stories)
+        return _with_matrices(_assemble_springs(springs, (), further), springs, system)
     n, floors = len(system.mass), len(model.stories)
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :floors] = np.diagonal(system.loaded_mass)[:floors]

@@ -21,7 +21,7 @@ from tdint.kernels.laws.law import DriftLaw
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.model.story import Path, Story, is_linear, spring_label, story_with_numbers
 from tdint.model.story_laws import LAWS, of_samples
-from tdint.number_parsing import parse_ratio, pluralize
+from tdint.number_parsing import number_or_nan, parse_ratio, pluralize
 from tdint.units import SI, OutputUnits, parse_in_units
 
 if TYPE_CHECKING:
@@ -301,6 +301,10 @@ class Matrices:
         N/m; infinite for a fixed base.
     inertance : ndarray
         B, kg; empty without inerters.
+    base_dashpots : tuple of float
+        Dashpots beside the springs of `base`, N m s/rad and N s/m.
+    base_inertia : tuple of float
+        Rotary inertia (kg m^2) and mass (kg) of the base.
     """
 
     stiffness: NDArray[np.float64] | tuple[()] = ()
@@ -310,6 +314,14 @@ class Matrices:
     influence: tuple[float, ...] = ()
     base: tuple[float, float] = (math.inf, math.inf)
     inertance: NDArray[np.float64] | tuple[()] = ()
+    base_dashpots: tuple[float, float] = (0.0, 0.0)
+    base_inertia: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def base_rows(self) -> list[int]:
+        """Motions of the base that are rows, because they have an inertia or a dashpot: 0 for the
+        rotation, 1 for the displacement."""
+        return [k for k in (0, 1) if self.base_dashpots[k] or self.base_inertia[k]]
 
 
 @dataclass(frozen=True)
@@ -540,7 +552,8 @@ class Model:
         return all(is_linear(spring) for _, spring in self.springs)
 
     def end_name(self, end: int) -> str:
-        """Return the name of an end of a link: ground, the number of a floor, or an attachment.
+        """Return the name of an end of a link: ground, the number of a floor, a row, or an
+        attachment.
 
         Parameters
         ----------
@@ -550,6 +563,8 @@ class Model:
         """
         if end > len(self.stories):
             return self.attachments[end - len(self.stories) - 1].name
+        if end and self.rows:
+            return self.rows[end - 1]
         return str(end) if end else "ground"
 
     def require_springs(self, subject: str) -> None:
@@ -614,9 +629,10 @@ class Model:
 
     @property
     def has_dashpots(self) -> bool:
-        """True if a story, an attachment or a link has a dashpot."""
+        """True if a story, an attachment, a link or the base has a dashpot."""
         springs = (*self.stories, *(device.spring for device in self.devices))
-        return any(spring.dashpot or spring.power_dashpot for spring in springs)
+        of_base = self.matrices.base_dashpots if self.matrices else ()
+        return any(of_base) or any(spring.dashpot or spring.power_dashpot for spring in springs)
 
     @property
     def has_samples(self) -> bool:
@@ -698,8 +714,19 @@ class Model:
                 return float(value)
             units = self._units_of(name)[1]
             return parse_in_units(value, units, name) if units else parse_ratio(value)
+        except UsageError as error:
+            named = str(error).startswith(name)
+            raise UsageError(str(error) if named else f"{name}: {error}") from None
         except (TypeError, ValueError, OverflowError):
             raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
+
+    def file_value(self, name: str, value: float | str) -> float:
+        """Return the value of a parameter in SI units, like `si_value`, from a text or a number in
+        the units of the file."""
+        number = number_or_nan(value) if isinstance(value, str) else float(value)
+        if math.isfinite(number):
+            return number * self.unit_of(name)[1]
+        return self.si_value(name, value)
 
     def unit_of(self, name: str, named: OutputUnits | None = None) -> tuple[str, float]:
         """Return the unit of a parameter, in the units of the file or in `named`, and its factor to

@@ -6,9 +6,10 @@ mass and inertance follow the other rows statically; the modes contain them. The
 them lag behind (`Lag`).
 
 A flexural story is a Timoshenko segment with constant EI and GA. Each end has a displacement and a
-rotation. Rotations without rotary inertia, and the displacement of a base on a spring, have no mass
-and are condensed. The rotations of floors with rotary inertia are rows after the floors, rad; the
-forces on these rows are moments, and the ground motion does not load them.
+rotation. Rotations without rotary inertia, and motions of the base without inertia and dashpot, are
+condensed. The rotations of floors with rotary inertia are rows after the floors (after attachments,
+if there are any), rad; the forces on these rows are moments, and the ground motion does not load
+them. The rotation and the displacement of the base are the last rows.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ class Flexure:
     base : ndarray, shape (2, rows)
         Rotation (rad) and displacement (m) of the base.
     levels : ndarray, shape (rows,)
-        Moments about the base of unit forces on the rows: heights of the floors, m, and 1 for
-        rotations.
+        Moments at the bottom of the first story of unit forces on the rows: heights of the floors,
+        m, 1 for rotations of floors, and 0 for the base.
     """
 
     moment: Array
@@ -61,16 +62,16 @@ class Flexure:
     base: Array
     levels: Array
 
-    def beside(self, attachments: Sequence[Attachment]) -> Flexure:
-        """Return the matrices with further rows of attachments, which act at their floors."""
-        count = len(attachments)
+    def beside(self, attachments: Sequence[Attachment], n: int) -> Flexure:
+        """Return the matrices with the rows of attachments, which act at their floors, after the
+        rows of n floors."""
         heights = [self.levels[item.floor - 1] if item.floor else 0.0 for item in attachments]
-        padded = {
-            item.name: np.pad(getattr(self, item.name), ((0, 0), (0, count)))
+        parts = {
+            item.name: np.insert(getattr(self, item.name), [n] * len(attachments), 0.0, axis=-1)
             for item in fields(self)
-            if item.name != "levels"
         }
-        return Flexure(**padded, levels=np.append(self.levels, heights))
+        parts["levels"][n : n + len(attachments)] = heights
+        return Flexure(**parts)
 
 
 @dataclass(frozen=True)
@@ -235,11 +236,14 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
     n = len(model.stories)
     own_mass = [story.mass for story in model.stories]
     own_mass += [story.rotary_inertia for story in model.stories if story.rotary_inertia]
+    own_mass += [matrices.base_inertia[k] for k in matrices.base_rows]
     mass = np.asarray(matrices.mass) if len(matrices.mass) else np.diag(own_mass)
     flexure, drifts = None, np.eye(len(mass))
     cuts = np.zeros((n, len(mass)))
     cuts[:, :n] = np.triu(np.ones((n, n)))
     influence = np.array(matrices.influence or cuts[0])
+    if 1 in matrices.base_rows:
+        influence[-1] = 1.0
     if not model.rows:
         drifts[:n, :n] -= np.eye(n, k=-1)
     else:
@@ -263,15 +267,17 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         if len(matrices.damping)
         else _damping(model, mass, stiffness, vibration.modes)
     )
+    for row, k in enumerate(reversed(matrices.base_rows), start=1):
+        damping[-row, -row] += matrices.base_dashpots[k]
     inertia = mass
     if len(matrices.inertance):  # the damping does not depend on inerters
         inertia = mass + np.asarray(matrices.inertance)
         vibration = replace(vibration, mass=np.diagonal(inertia), mass_matrix=inertia)
     names = tuple(map(column_name, model.rows))
-    lag = _lag(vibration.modes, inertia, stiffness, damping) if len(matrices.damping) else None
-    matrices_of_system = inertia, mass, stiffness, damping
+    has_lag = len(matrices.damping) or any(matrices.base_dashpots)
+    lag = _lag(vibration.modes, inertia, stiffness, damping) if has_lag else None
     system = LinearSystem(
-        *matrices_of_system,
+        *(inertia, mass, stiffness, damping),
         *(influence, drifts, cuts, np.vstack([cuts @ stiffness, stiffness[n:]])),
         *(names, flexure, lag),
     )
@@ -286,44 +292,57 @@ def system_of_springs(
 
     The matrices have the initial stiffnesses. The inerter of a story or link acts on its
     deformation, the inerter of an attachment on its motion relative to the ground. Damping and
-    loaded masses do not include inerters. The matrices of the floors in `frame` replace the springs
-    and the damping of the stories.
+    loaded masses do not include inerters. The matrices of the rows in `frame` replace the masses,
+    the springs and the damping of the stories; its rows that are not floors follow the attachments.
     """
-    count, n = building.masses, building.floors
-    deformations = building.deformations.copy()
+    n, count = building.floors, building.masses
+    further = len(frame.mass) - n if frame else 0
+    columns, square = ((0, 0), (0, further)), ((0, further), (0, further))
+    deformations = np.pad(building.deformations, columns)
     motions = deformations.copy()
-    motions[n:count] = np.eye(count)[n:count]
-    mass = np.diag(building.mass)
-    inertia = mass + (motions.T * inertance) @ motions
+    motions[n:count] = np.eye(count, count + further)[n:]
+    loaded = np.pad(np.diag(building.mass), square)
     # An attachment is above the stories below its floor.
     floors = np.arange(n)
     supports = [*floors + 1, *(item.floor for item in building.attachments)]
-    cuts = (floors[:, None] < np.array(supports)).astype(float)
-    stiffness, damping = building.stiffness_matrix(), building.damping_matrix()
+    cuts = np.pad((floors[:, None] < np.array(supports)).astype(float), columns)
+    stiffness, damping = building.stiffness_matrix(), np.pad(building.damping_matrix(), square)
     forces = building.story_laws[rows.STIFFNESS, :, None] * deformations
-    flexure = frame.flexure if frame else None
+    influence, names, flexure = np.ones(count), tuple[str, ...](), None
+    inertia = (motions.T * inertance) @ motions
     if frame:
+        own = [*floors, *range(count, count + further)]
+        of_frame = np.ix_(own, own)
+        loaded[of_frame] = frame.loaded_mass
+        inertia[of_frame] += frame.mass - frame.loaded_mass
         stiffness = deformations[n:].T @ forces[n:]
-        stiffness[:n, :n] += frame.stiffness
-        damping[:n, :n] += frame.damping
+        stiffness[of_frame] += frame.stiffness
+        damping[of_frame] += frame.damping
         deformations[:n], forces[:n] = 0.0, 0.0
-        deformations[:n, :n], forces[:n, :n] = frame.deformations, frame.spring_forces
-        flexure = flexure and flexure.beside(building.attachments)
-    bare, influence = building.vibration, np.ones(count)
+        deformations[:n, own], forces[:n, own] = frame.deformations[:n], frame.spring_forces[:n]
+        # The ground moves an attachment as its floor.
+        moved = [frame.influence[i.floor - 1] if i.floor else 1.0 for i in building.attachments]
+        influence = np.insert(frame.influence, [n] * len(moved), moved)
+        cuts *= influence
+        names, flexure = frame.names, frame.flexure
+        flexure = flexure and flexure.beside(building.attachments, n)
+    inertia += loaded
+    bare = building.vibration
     vibration = MatrixVibration(
         *(np.diagonal(inertia), bare.stiffness, bare.link, bare.geometric),
         deformations=deformations,
         roof=n - 1,
         mass_matrix=inertia,
-        loaded_mass=mass,
+        loaded_mass=loaded,
         stiffness_matrix=stiffness,
         influence=influence,
     )
     system = LinearSystem(
-        *(inertia, mass, stiffness, damping),
+        *(inertia, loaded, stiffness, damping),
         *(influence, deformations, cuts, forces),
-        flexure=flexure,
-        inerters=inertance[:, None] * motions if inertance.any() else np.zeros((0, count)),
+        *(names, flexure),
+        lag=_lag(vibration.modes, inertia, stiffness, damping) if frame else None,
+        inerters=inertance[:, None] * motions if inertance.any() else np.zeros((0, len(loaded))),
     )
     return system, vibration
 
@@ -412,8 +431,8 @@ def _stick(model: Model, cuts: Array) -> tuple[Array, Flexure]:
     free = [k for k, spring in zip((2 * n, 2 * n + 1), base, strict=True) if math.isfinite(spring)]
     matrix[free, free] += [spring for spring in base if math.isfinite(spring)]
     turning = [n + i for i, story in enumerate(model.stories) if story.rotary_inertia]
-    kept = [*range(n), *turning]
-    others = [k for k in range(n, 2 * n) if k in rotation and k not in turning] + free
+    kept = [*range(n), *turning, *(2 * n + k for k in model.matrices.base_rows)]
+    others = [k for k in (*range(n, 2 * n), *free) if k in (*rotation, *free) and k not in kept]
     condensed = np.linalg.solve(matrix[np.ix_(others, others)], -matrix[np.ix_(others, kept)])
     stiffness = matrix[np.ix_(kept, kept)] + matrix[np.ix_(kept, others)] @ condensed
     stiffness = 0.5 * (stiffness + stiffness.T)
@@ -432,7 +451,7 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
     drift is Q h^3 / (3 EI) + M h^2 / (2 EI), and the shear part Q h / GA. A moment on a floor acts
     in all stories below it.
     """
-    n = len(model.stories)
+    n, turning = len(model.stories), [i for i, s in enumerate(model.stories) if s.rotary_inertia]
     heights = np.array([story.height for story in model.stories], dtype=float)[:, None]
     flexural = np.array([story.flexural for story in model.stories], dtype=float)
     bending, shear = flexural[:, :1], flexural[:, 1:]
@@ -441,7 +460,7 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
     # Lever arms of the forces on the floors above the bottom of each story
     arms = np.maximum(levels[None, :] - bottoms[:, None], 0.0)
     on_floors = np.zeros((n, len(stiffness)))
-    on_floors[[i for i, story in enumerate(model.stories) if story.rotary_inertia]] = stiffness[n:]
+    on_floors[turning] = stiffness[n : n + len(turning)]
     moment = arms @ stiffness[:n]
     moment += np.cumsum(on_floors[::-1], axis=0)[::-1]
     top = on_floors
@@ -452,21 +471,25 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
         shear_drift=shears * heights / shear,
         bending_drift=shears * heights**3 / (3.0 * bending) + top * heights**2 / (2.0 * bending),
         base=motion[2 * n :],
-        levels=np.append(levels, np.ones(len(stiffness) - n)),
+        levels=np.pad(
+            np.append(levels, np.ones(len(turning))), (0, len(stiffness) - n - len(turning))
+        ),
     )
 
 
-def damped_modes(modes: Modes, system: LinearSystem) -> tuple[Modes, Array, Array, Braces]:
+def damped_modes(
+    modes: Modes, system: LinearSystem, damping: Array, braces: Braces
+) -> tuple[Modes, Array, Array, Braces]:
     """Return the modes in modal coordinates (with unit mass matrix), the stiffness and
-    damping matrices of these coordinates, and the dampers with braces that rows without mass are,
-    for `solve_complex_modes`."""
+    damping matrices of these coordinates, and the dampers with braces, which rows without mass are,
+    too, for `solve_complex_modes`."""
     count = modes.omega.size
-    damping = modes.modal_damping(system.damping)
-    braces = Braces(np.zeros((0, count)), np.zeros(0), np.zeros(0))
+    damping = modes.modal_damping(damping)
+    braces = braces._replace(drifts=braces.drifts @ modes.shapes)
     if system.lag is not None:
-        coupling = system.lag.coupling
+        coupling, rates = system.lag.coupling, system.lag.rates
         damping = damping - coupling @ coupling.T
-        braces = Braces(coupling.T, system.lag.rates, np.ones(len(system.lag.rates)))
+        braces = Braces(coupling.T, rates, np.ones(len(rates)))
     return (
         replace(modes, shapes=np.eye(count), mass=np.ones(count), load=None),
         np.diag(modes.omega**2),

@@ -227,21 +227,21 @@ def _listed(numbers: Sequence[str]) -> str:
 
 
 def _without_devices(model: Model, building: Building) -> tuple[Model, Building]:
-    """Return the building without attachments and links, and without the columns of rotations:
+    """Return the building without attachments and links, and without the columns of further rows:
     usual values refer to stories."""
-    if not model.devices:
-        columns = [*range(len(model.stories)), -1]
-        if model.matrices is not None and building.stories >= len(columns):
-            building = replace(
-                building,
-                linear_terms=building.linear_terms[:, columns],
-                law_parameters=building.law_parameters[:, columns],
-                heights=building.heights[: len(model.stories)],
-                yield_drift=building.yield_drift[: len(model.stories)],
-            )
-        return model, building
-    bare = replace(model, attachments=(), links=(), across=None)  # of one direction
-    return bare, assemble(bare)
+    if model.devices:
+        model = replace(model, attachments=(), links=(), across=None)  # of one direction
+        building = assemble(model)
+    columns = [*range(len(model.stories)), -1]
+    if model.matrices is not None and building.stories >= len(columns):
+        building = replace(
+            building,
+            linear_terms=building.linear_terms[:, columns],
+            law_parameters=building.law_parameters[:, columns],
+            heights=building.heights[: len(model.stories)],
+            yield_drift=building.yield_drift[: len(model.stories)],
+        )
+    return model, building
 
 
 def unusual_values(model: Model, building: Building, pga: float = math.nan) -> list[str]:

@@ -100,6 +100,12 @@ def model_chapter(
         f"{damping_text(model)}. "
         f"A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
+    if model.varied_parameters:
+        changed = (
+            f"{name} {value:.6g} {model.unit_of(name, SI)[0]}".rstrip()
+            for name, value in model.varied_parameters
+        )
+        facts += f" Values instead of those of the model file: {', '.join(changed)}."
     devices = buildings.device_model_table(model, units)
     text, stories = _story_parts(model, units, base)
     parts: list[Part] = [f"{facts} {text}".rstrip()]

@@ -18,11 +18,12 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import ModelError
-from tdint.model.building import assemble
+from tdint.kernels import layout as rows
+from tdint.model.building import Building, assemble
+from tdint.model.definition import Model
 from tdint.model.modes import Braces, state_matrix
 from tdint.model.story import column_name
 from tdint.response.arguments import AnyModel, model_of
-from tdint.response.spectra.transfer import check_dampers
 from tdint.tabular import Described
 
 
@@ -55,7 +56,8 @@ class SystemMatrices(Described):
     ----------
     names : tuple of str
         Names of the rows: floor_1, ..., then the attachments, or rotation_1, ... of the floors with
-        rotary inertia (rad; forces are moments); names of rows that are not floors.
+        rotary inertia (rad; forces are moments), base_rotation and base of a base with inertia or
+        dashpots; names of rows that are not floors replace those of the floors.
     mass, stiffness, damping : ndarray, shape (n, n)
         M (kg) with inerters, K with P-delta (N/m), and C (N s/m) with Rayleigh or modal damping and
         all dashpots without a brace.
@@ -137,9 +139,17 @@ def matrices(model: AnyModel) -> SystemMatrices:
         for number, story in enumerate(model.stories, start=1)
         if story.rotary_inertia
     )
-    names = (*floors, *(column_name(item.name) for item in building.attachments), *turning)
+    names = (
+        *(system.names if system and system.names else floors),
+        *(column_name(item.name) for item in building.attachments),
+        *turning,
+        *(
+            ("base_rotation", "base")[k]
+            for k in (model.matrices.base_rows if model.matrices else ())
+        ),
+    )
     return SystemMatrices(
-        names=system.names if system and system.names else names,
+        names=names,
         mass=system.mass if system else np.diag(building.mass),
         stiffness=building.stiffness_matrix(),
         damping=damping,
@@ -147,3 +157,22 @@ def matrices(model: AnyModel) -> SystemMatrices:
         influence=system.influence if system else np.ones(building.masses),
         braces=braces,
     )
+
+
+def check_dampers(model: Model, building: Building, subject: str) -> None:
+    """Raise ModelError if the force of a damper is not proportional to the velocity, so that the
+    building has no `subject`."""
+    terms = building.linear_terms[:, :-1]
+    is_power = (terms[rows.POWER_DAMPER] != 0.0) & (terms[rows.POWER] != 0.0)
+    is_power |= (terms[rows.BRACE] != 0.0) & (
+        (terms[rows.BRACED_EXPONENT] != 1.0) | (terms[rows.BRACED_RELIEF] != 0.0)
+    )
+    if is_power.any():
+        i = int(np.argmax(is_power))
+        devices = [item.name for item in model.devices]
+        place = f"story {i + 1}" if i < building.floors else devices[i - building.floors]
+        raise ModelError(
+            f"{model.name}: {place} has a power-law dashpot, whose damping depends on the "
+            f"amplitude, so that it has no {subject}; use a dashpot with "
+            "exponent 1"
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -119,23 +119,30 @@ def overview(source: str | Path) -> Overview:
     return overview_in_campaign(source)
 
 
-def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) -> Overview:
+def overview_in_campaign(
+    source: str | Path,
+    given_times: Collection[str] = (),
+    change: Callable[[Model], Model] = lambda model: model,
+) -> Overview:
     """Read and summarize a model, like `overview`, for a campaign that uses it.
 
     Parameters
     ----------
     given_times : collection of str
         `dt` and `duration` if the campaign specifies them, so that the model does not need them.
+    change : callable
+        Function that changes the model.
     """
     # The model layer has no access to the methods and does not open records. These checks are added
     # by the key of the entry, so that errors are reported at its line.
-    model = load_with_checks(
+    read = load_with_checks(
         source,
         {
             "analysis.method": lambda text, _: parse(text),
             **dict.fromkeys(_RECORD_KEYS, _check_exists),
         },
     )
+    model = change(read)
     try:
         buildings = [(assemble(part), part) for part in model.directions]
         # Of two directions, the direction with the longer period determines the values.
@@ -154,7 +161,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         pga, interval = pga_of(record), record.dt
     first_period = period(omega)
     # The damped modes of taller buildings need seconds.
-    has_complex_modes = building.damped_by_devices and building.stories <= _MAX_COMPLEX_STORIES
+    has_complex_modes = part.has_dashpots and building.stories <= _MAX_COMPLEX_STORIES
     complex_modes = building.complex_modes() if has_complex_modes else None
     warnings = (
         *plausibility_warnings(part, building, pga, has_motion=source_of_record is not None),
@@ -175,7 +182,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
     )
     return Overview(
         part,
-        float(building.mass.sum()),
+        float(building.mass.sum()) + (part.matrices.base_inertia[1] if part.matrices else 0.0),
         float(building.height_contributions.sum()),
         first_period,
         damping,

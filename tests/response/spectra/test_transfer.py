@@ -9,7 +9,7 @@ import pytest
 import tdint
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import Record
-from tdint.response.spectra.transfer import transfer_function
+from tdint.response.spectra.transfer import _DynamicStiffness, transfer_function
 
 MASS, STIFFNESS = 1000.0, 4e5  # natural circular frequency 20 rad/s
 
@@ -194,7 +194,7 @@ def test_default_frequencies_contain_each_mode_of_a_tall_building():
 def test_invalid_sources_dampers_and_frequencies_are_refused():
     model = oscillator(0.05)
     for source in (0, 2, "top", 1.5):
-        with pytest.raises(UsageError, match="floor from 1 to 1 or the roof"):
+        with pytest.raises(UsageError, match="roof or a floor from 1 to 1"):
             transfer_function(model, source=source)
     for frequency in ([], [0.0], [math.nan]):
         with pytest.raises(UsageError, match="positive"):
@@ -209,3 +209,68 @@ def test_a_force_on_the_roof_is_a_force_on_the_highest_floor():
     model = {"stories": [{"repeat": 2, "mass": 1e5, "stiffness": 6e7}], "damping": "2%"}
     floor, roof = (tdint.transfer_function(model, [1.0, 2.0], source=s) for s in (2, "roof"))
     np.testing.assert_array_equal(floor.response, roof.response)
+
+
+TREE = {
+    "attachments": [
+        {"name": "tmd", "floor": 4, "mass": 40.0, "stiffness": 900.0, "dashpot": 30.0},
+        {"name": "tank", "floor": 2, "mass": 60.0, "stiffness": 9000.0},
+        {"name": "wall", "floor": "ground", "mass": 500.0, "stiffness": 5e4, "inertance": 70.0},
+    ],
+    "links": [
+        {"from": 1, "to": 3, "stiffness": 3e4, "dashpot": 200.0},
+        {"from": "tmd", "to": "tank", "inertance": 15.0},
+        {
+            "from": "ground",
+            "to": 4,
+            "dashpot": {"coefficient": 900.0, "exponent": 1.0, "brace": 2e4},
+        },
+        {"from": "wall", "to": 2, "stiffness": 1e4},
+    ],
+}
+STORY = {"mass": MASS, "height": 3.0, "stiffness": STIFFNESS, "repeat": 4}
+RAYLEIGH = {"rayleigh": {"ratio": 0.03, "modes": [1, 2]}}
+
+
+@pytest.mark.parametrize("source", ["ground", 3])
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"damping": RAYLEIGH},
+        {"damping": {"modal": [0.03, 0.0]}},
+        {"damping": {"modal": 0.03}},
+        {**TREE, "damping": RAYLEIGH},
+        {**TREE, "damping": {"modal": 0.03}},
+        {**TREE, "p_delta": True},
+    ],
+)
+def test_the_dynamic_stiffness_of_the_matrices(keys, source):
+    """D = K + i w C + K_b - w^2 M of `tdint.matrices` gives the same response, also where a part of
+    the building resonates without damping, so that a pivot of the elimination is zero."""
+    model = building(STORY, plausibility="off, test", **keys)
+    matrices = tdint.matrices(model)
+    tank = math.sqrt(9000.0 / 60.0) / (2.0 * math.pi)  # without damping on a fixed floor
+    frequency = np.array([0.1, 0.7, tank * (1.0 - 1e-9), tank, 3.0, 20.0])
+    response = transfer_function(model, frequency, source=source).response
+    drifts, brace, damper = matrices.braces
+    for values, omega in zip(response, 2.0 * math.pi * frequency, strict=True):
+        series = np.diag(1.0 / (1.0 / brace + 1.0 / (1j * omega * damper)))
+        matrix = matrices.stiffness + 1j * omega * matrices.damping + drifts.T @ series @ drifts
+        matrix = matrix - omega**2 * matrices.mass
+        load, ground = np.eye(len(matrix))[2], 0.0
+        if source == "ground":
+            load, ground = omega**2 * matrices.loaded_mass @ matrices.influence, 1.0
+        expected = np.linalg.solve(matrix, load) + ground
+        assert values == pytest.approx(expected, rel=1e-9, abs=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("damping", [RAYLEIGH, {"modal": 0.03}])
+def test_absorbers_are_eliminated_without_complete_matrices(monkeypatch, damping):
+    """The operations for a frequency are then proportional to the number of absorbers."""
+    monkeypatch.delattr(_DynamicStiffness, "_solved")
+    absorbers = [
+        {"name": f"a{i}", "floor": i % 4 + 1, "mass": 2.0, "period": 0.9 + 0.01 * i, "damping": 0.1}
+        for i in range(40)
+    ]
+    result = transfer_function(building(STORY, attachments=absorbers, damping=damping))
+    assert result.response.shape[1] == 44 and np.all(np.isfinite(result.response))

@@ -15,7 +15,6 @@ from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     ROOF,
     Bounds,
-    Choice,
     Either,
     EntriesOf,
     Integer,
@@ -28,18 +27,19 @@ from tdint.model.story import MAX_STORIES, Story, column_name
 from tdint.model.story_laws import LAWS, LINEAR, Law
 
 GROUND = "ground"
+_Floors = tuple[int | None, Sequence[str]]
 _MASS_RATIO = Bounds(0.0, low_allowed=False, ratio=True)
+_END = Either((Integer(1, MAX_STORIES), TextLine()))
 _ATTACHMENT = Keys(
     keys(
         "attachment",
-        floor=Either((Integer(1, MAX_STORIES), Choice((ROOF, GROUND)))),
+        floor=_END,
         mass_ratio=_MASS_RATIO,
         law=stories.LAW,
         dashpot=stories.DASHPOT,
     )
 )
 ATTACHMENTS = EntriesOf(_ATTACHMENT, least=1)
-_END = Either((Integer(1, MAX_STORIES), TextLine()))
 _LINK = Keys(
     keys("link", law=stories.LAW, dashpot=stories.DASHPOT, **dict.fromkeys(("from", "to"), _END))
 )
@@ -66,31 +66,32 @@ class _Names:
 
 
 def read_devices(
-    section: Section, unit: ModelUnits, count: int | None, floor_mass: float
+    section: Section, unit: ModelUnits, floors: _Floors, floor_mass: float
 ) -> tuple[tuple[Attachment, ...], tuple[Link, ...]]:
     """Return the attachments and links of a model file; errors are added to its errors.
 
-    `count` is the number of stories; None if it is unknown because of an error. `floor_mass` is the
-    mass of all floors, kg.
+    `floors` are the number of stories, None if it is unknown because of an error, and the names of
+    rows that are not floors. `floor_mass` is the mass of all floors, kg.
     """
-    names = _Names({})
+    count, rows = floors
+    names = _Names({column_name(row): row for row in rows})
     attachments = []
     # Attachments without a spring, and without mass, which links must hold.
     loose: list[Section | None] = []
     massless: list[Section | None] = []
     for number, entry in enumerate(_entries(section, "attachments"), start=1):
         if item := entry.section(_ATTACHMENT):
-            attachment = _read_attachment(item, number, unit, (count, floor_mass), names)
+            attachment = _read_attachment(item, number, unit, (floors, floor_mass), names)
             attachments.append(attachment)
             spring = attachment.spring
             loose.append(item if spring.stiffness == 0.0 else None)
             massless.append(item if spring.mass == 0.0 == spring.inertance else None)
-    masses = list(names.used.values())
+    masses = list(names.used.values())[len(rows) :]
     links = []
     for number, entry in enumerate(_entries(section, "links"), start=1):
         if item := entry.section(_LINK):
             link_name = names.read(item, "link", number)
-            links.append(_read_link(item, link_name, unit, count, masses))
+            links.append(_read_link(item, link_name, unit, floors, masses))
     if count and None not in links:
         springs = [link.ends for link in links if link and _is_spring(link.spring)]
         inerters = [link.ends for link in links if link and link.spring.inertance]
@@ -134,22 +135,22 @@ def _read_attachment(
     section: Section,
     number: int,
     unit: ModelUnits,
-    building: tuple[int | None, float],
+    building: tuple[_Floors, float],
     names: _Names,
 ) -> Attachment:
-    """Return an attachment on a building with a number of stories and a mass of its floors, kg.
+    """Return an attachment on a building with these floors and a mass of its floors, kg.
     Invalid values are reported and replaced by nan, the floor by 1."""
-    count, floor_mass = building
+    (count, rows), floor_mass = building
     name = names.read(section, "attachment", number)
     value = section.need("floor", "give the floor, counted from 1 at the bottom, roof or ground")
     floor = 1
-    if value and value.word in names.used.values():
+    if value and value.word in names.used.values() and value.word not in rows:
         value.fault(
             "must be a floor of the building: attachments on attachments are not supported; a link "
             "between both attachments has the same effect"
         )
     elif value:
-        floor = 0 if value.is_word(GROUND) else value.floor(count) or 1
+        floor = 0 if value.is_word(GROUND) else value.floor(count, rows) or 1
     if section.has("mass_ratio"):
         section.refuse(("mass", "weight"), "cannot be used with `mass_ratio`; give one of them")
         mass = section.number("mass_ratio") * floor_mass
@@ -201,10 +202,10 @@ def _read_device(
 
 
 def _read_link(
-    section: Section, name: str, unit: ModelUnits, count: int | None, attachments: Sequence[str]
+    section: Section, name: str, unit: ModelUnits, floors: _Floors, attachments: Sequence[str]
 ) -> Link | None:
     """Return a link; None after an error in its start or end."""
-    ends = [_read_end(section, key, count, attachments) for key in ("from", "to")]
+    ends = [_read_end(section, key, floors, attachments) for key in ("from", "to")]
     has_spring = section.mentions("stiffness", "law")
     if not (has_spring or section.mentions("dashpot", "inertance")):
         section.value.fault("give at least one of `stiffness`, `law`, `dashpot` and `inertance`")
@@ -233,10 +234,11 @@ def _has_equal_directions(law: Law) -> bool:
 
 
 def _read_end(
-    section: Section, key: str, count: int | None, attachments: Sequence[str]
+    section: Section, key: str, floors: _Floors, attachments: Sequence[str]
 ) -> int | None:
     """Return an end of a link: 0 for the ground, a floor from 1, or an attachment after the roof;
     None after an error."""
+    count, rows = floors
     value = section.need(key, "give ground, a floor, roof or an attachment")
     if value is None:
         return None
@@ -244,8 +246,8 @@ def _read_end(
         return 0
     if value.word in attachments and not value.word.isdecimal():
         return (count or 0) + 1 + attachments.index(value.word)
-    if not value.word.isdecimal() and not value.is_word(ROOF):
+    if not value.word.isdecimal() and not value.is_word(ROOF) and not rows:
         known = f"; attachments: {', '.join(attachments)}" if attachments else ""
         value.fault(f"must be ground, a floor from 1, roof or the name of an attachment{known}")
         return None
-    return value.floor(count) or None
+    return value.floor(count, rows) or None

@@ -15,7 +15,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.model.config.matrix_keys import MATRICES
 from tdint.model.config.number_tables import square_table
-from tdint.model.config.sections import ModelUnits
+from tdint.model.config.sections import ModelUnits, read_inertia
 from tdint.model.definition import Attachment, Link, Matrices
 from tdint.model.keys.fields import Section, Value
 from tdint.model.keys.nodes import ListNode
@@ -73,12 +73,26 @@ def read_linear_stories(
                 f"story {number} needs `flexural`: either all stories bend, or none"
             )
         return None, stories
-    springs = section.inner("base")
-    rotation = springs.number("rotation", scale=unit.factor(force=1, length=1), default=math.inf)
-    translation = springs.number(
-        "translation", scale=unit.factor(force=1, length=-1), default=math.inf
-    )
-    return Matrices(base=(rotation, translation)), stories
+    return _read_base(section.inner("base"), unit), stories
+
+
+def _read_base(section: Section, unit: ModelUnits) -> Matrices:
+    """Return the springs, dashpots and inertia of a base; report those of a motion without a
+    spring, which fixes the base."""
+    values = []
+    for motion, length, inertia in (("rotation", 1, "rotary_inertia"), ("translation", -1, "mass")):
+        dashpot = f"{motion}_dashpot"
+        if not section.has(motion):
+            section.refuse((dashpot, inertia), f"needs `{motion}`, without which the base is fixed")
+        values.append(
+            (
+                section.number(motion, scale=unit.factor(1, length), default=math.inf),
+                section.number(dashpot, scale=unit.factor(1, length), default=0.0),
+                read_inertia(section, unit, inertia, length=1 + length),
+            )
+        )
+    springs, dashpots, inertias = zip(*values, strict=True)
+    return Matrices(base=springs, base_dashpots=dashpots, base_inertia=inertias)
 
 
 def _rigid_in_bending(base: Value, stories: tuple[Story, ...], p_delta: bool) -> tuple[Story, ...]:
@@ -117,9 +131,6 @@ def read_matrices(
 ) -> tuple[Matrices | None, tuple[Story, ...]]:
     """Return the matrices of the key `matrices`, and a story without a height for each row; None
     and no stories after an error."""
-    section.refuse(
-        ("attachments", "links"), "cannot be used with `matrices`; add a row to `matrices` instead"
-    )
     section.refuse(
         ("stories", "building", "stiffness_matrix", "base", "p_delta"),
         "cannot be used with `matrices`, which contains the complete model",
@@ -164,21 +175,14 @@ def read_matrices(
     return Matrices(stiffness, names, mass, damping, influence, inertance=inertance), stories
 
 
-def check_devices(
-    value: Value, stories: Sequence[Story], devices: Sequence[Attachment | Link]
-) -> None:
-    """Report attachments and links that are not linear, and floors that rotate beside them."""
+def check_devices(value: Value, devices: Sequence[Attachment | Link]) -> None:
+    """Report attachments and links that are not linear."""
     for device in devices:
         if not is_linear(device.spring):
             value.fault(
-                f"{device.name}: beside `flexural`, `base` and `stiffness_matrix`, the springs and "
-                "dampers of attachments and links are linear, without a brace"
+                f"{device.name}: beside `flexural`, `base`, `stiffness_matrix` and `matrices`, the "
+                "springs and dampers of attachments and links are linear, without a brace"
             )
-    if any(story.rotary_inertia for story in stories):
-        value.fault(
-            "`rotary_inertia` cannot be used with attachments and links; write the model as "
-            "`matrices`"
-        )
 
 
 def _fits(value: Value, count: int) -> bool:

@@ -468,11 +468,13 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     if matrices and getattr(damping, "tangent", False):
         section.value.fault("damping.rayleigh.tangent: a linear model has no tangent; omit it")
     excitation = section.get("excitation")
-    attachments, links = read_devices(section, unit, count, sum(story.mass for story in stories))
+    names = matrices.names if matrices else ()
+    floor_mass = sum(story.mass for story in stories)
+    attachments, links = read_devices(section, unit, (count, names), floor_mass)
     if matrices and (attachments or links):
         from tdint.model.config.matrices import check_devices
 
-        check_devices(section.value, stories, (*attachments, *links))
+        check_devices(section.value, (*attachments, *links))
 
     # Imported here, because most models have no damage states and no limits.
     damage: DamageStates | None = None
@@ -486,7 +488,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
 
         limits = read_limits(value, unit, stories, attachments, links)
     output_units, page_units = _read_output_units(section.get("output_units"), unit)
-    rows = (matrices.names if matrices else ()) or ("",) * (count or 0)
+    rows = names or ("",) * (count or 0)
     loaded = (*rows, *(item.name for item in attachments))
     # The keys of `_ANALYSIS` have the order of the attributes of `Analysis`.
     model = Model(
@@ -593,7 +595,10 @@ def _read_stories(
         else:
             entries = section.need("stories", advice)
         stories, count = read_stories(entries, unit, p_delta, section.has("stiffness_matrix"))
-        read = _damping_of(damping, stories, count)
+        # The inertias of a base add modes.
+        base = section.get("base")
+        further = sum(bool(base and base.peek(name)) for name in ("rotary_inertia", "mass"))
+        read = _damping_of(damping, stories, count and count + further)
         if entries and isinstance(read, ModalDamping):
             for entry in entries.items("stories") or ():
                 switch = entry.peek("rayleigh")

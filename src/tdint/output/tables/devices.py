@@ -61,7 +61,7 @@ ENERGY_ERROR, INERTER_ERROR = (
 )
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),
-    Column.named("floor", "floor on which it stands, numbered from the ground (0)"),
+    Column.named("floor", "floor on which it stands, numbered from the ground (0), or row"),
 )
 LINK_NAMES = declared("devices.link_names")
 
@@ -130,8 +130,7 @@ def history_groups(
     """Return the names and columns of the groups of attachments and links in a history."""
     if devices is None:
         return ()
-    groups = ((devices.attachments, HISTORY_ATTACHMENT), (devices.links, HISTORY_LINK))
-    return tuple((names, columns) for names, columns in groups if names)
+    return (devices.attachments, HISTORY_ATTACHMENT), (devices.links, HISTORY_LINK)
 
 
 def device_columns(devices: DevicePeaks) -> list[Column]:
@@ -223,7 +222,7 @@ def device_rows(
     )
     return (
         [
-            (item.name, item.floor, *cells)
+            (item.name, model.end_name(item.floor) if model.rows else item.floor, *cells)
             for item, cells in zip(model.attachments, attachment_cells[:count], strict=True)
         ],
         [
@@ -253,7 +252,8 @@ def device_sentences(response: Response, units: OutputUnits) -> list[str]:
             case Attachment(name, floor):
                 acceleration = units.text(float(peaks.peak_absolute_acceleration[i]), "m/s^2")
                 texts = [f"stroke {drift}", *forces, f"absolute acceleration {acceleration}"]
-                place = f"floor {floor}" if floor else "the ground"
+                kind = "row" if model.rows else "floor"
+                place = f"{kind} {model.end_name(floor)}" if floor else "the ground"
                 sentences.append(f"attachment {name} on {place}: {', '.join(texts)}")
             case Link(name):
                 sentences.append(f"link {name}: {', '.join([f'deformation {drift}', *forces])}")

@@ -84,23 +84,22 @@ class HistoryLayout(NamedTuple):
         The columns of time, ground and energies have an empty name.
         """
         stories, error, elements, devices, rows = self
-        if rows:
-            groups = (("",), HISTORY_START), (rows, HISTORY_FLOOR), (("",), HISTORY_ENERGY)
-            return (*groups, *(((rows, HISTORY_FLOOR_ERROR),) if error else ()))
+        numbers = range(1, 1 if rows else stories + 1)
         floors, story_names = (
-            tuple(f"{location}_{i}" for i in range(1, stories + 1))
-            for location in ("floor", "story")
+            tuple(f"{location}_{i}" for i in numbers) for location in ("floor", "story")
         )
+        floors = (*floors, *rows)
         errors = (floors, HISTORY_FLOOR_ERROR), (story_names, HISTORY_STORY_ERROR)
-        return (
+        groups = (
             (("",), HISTORY_START),
             (floors, HISTORY_FLOOR),
             (story_names, HISTORY_STORY),
-            *(((elements, (ELEMENT_FORCE,)),) if elements else ()),
+            (elements, (ELEMENT_FORCE,)),
             *device_groups(devices),
             (("",), HISTORY_ENERGY),
             *(errors if error else ()),
         )
+        return tuple((names, columns) for names, columns in groups if names)
 
     @property
     def columns(self) -> tuple[Column, ...]:

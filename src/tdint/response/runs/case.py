@@ -897,7 +897,7 @@ class Case(Described):
         if amplitude[i] <= _VIBRATION_FRACTION * response.stories.peak_drift.max():
             if response.devices is None:
                 return []
-            amplitude = oscillation[self.building.floors : self.building.masses]
+            amplitude = oscillation[self.building.floors :][: len(self.model.attachments)]
             excess = (
                 amplitude
                 - _VIBRATION_FRACTION * response.devices.stories.peak_drift[: amplitude.size]

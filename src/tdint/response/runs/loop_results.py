@@ -124,7 +124,7 @@ def residual_oscillation(
             float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
         )
         inverse[:] = displacement / velocity if velocity > 0.0 else 0.0
-        attached = np.arange(building.floors, building.masses)
+        attached = np.arange(building.floors, building.floors + len(building.attachments))
         attached = attached[initial_stiffness[attached] > 0.0]
         mass = building.mass
         if building.inertial and building.system is not None:

@@ -122,7 +122,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         The first period of the building is longer than the maximum period of the spectrum.
     """
     model = model_of(model)
-    model.require_chain("the response spectrum analysis")
+    model.require_chain("the response spectrum analysis, with one damping ratio for all modes,")
     demand = read_target(target) if isinstance(target, str) else target
     # The damping of the model is not used: that of the design spectrum applies to all modes.
     building = assemble(replace(model, damping=None))
@@ -170,7 +170,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     # and the stories above. Bearings do not contribute, because they have no height.
     contributions = applied * building.height_contributions
     turning = [i for i, story in enumerate(model.stories) if story.rotary_inertia]
-    contributions[:, turning] += forces[:, building.floors :]
+    contributions[:, turning] += forces[:, building.floors :][:, : len(turning)]
     peaks["moment"] = np.cumsum(contributions[:, ::-1], axis=1)[:, ::-1]
     correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
     srss_names = ("drift", "shear", "displacement")

@@ -18,13 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
+from tdint.kernels.equations import tridiagonal
+from tdint.kernels.stepping import Factors
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
 from tdint.model.keys.fields import ROOF
 from tdint.response.arguments import AnyModel, model_of
+from tdint.response.matrices import check_dampers, matrices
 from tdint.tabular import Tabular
 
 GROUND = "ground"
@@ -37,6 +40,12 @@ GROUND = "ground"
 _FIRST, _LAST, _COUNT = 0.05, 2.0, 200
 _MAX_DIFFERENCE, _NEGLIGIBLE = 0.01, 0.01
 _MIN_HALVINGS, _MAX_HALVINGS = 6, 12
+
+_AT_ONCE = 256  # right sides that are eliminated together; 1 MB for 300 masses
+
+_MAX_GROWTH = 1e6
+"""Maximum ratio of the parts of a diagonal entry to its pivot: the elimination has no pivoting, so
+that a response loses as many digits."""
 
 
 class Resonance(NamedTuple):
@@ -83,12 +92,12 @@ class TransferFunction(Tabular):
             f"{roof.frequency:.4g} Hz"
         )
 
-    @property
+    @cached_property
     def amplitude(self) -> Array:
         """Absolute values of the response, shape (k, n)."""
         return np.abs(self.response)
 
-    @property
+    @cached_property
     def phase(self) -> Array:
         """Phases of the response from -180 to 180 degrees, shape (k, n)."""
         return np.degrees(np.angle(self.response))
@@ -149,11 +158,10 @@ def transfer_function(
     model.require_floors("the transfer function")
     building = assemble(model)
     source = building.floors if source == ROOF else source
-    is_floor = isinstance(source, int) and 1 <= source <= building.floors
-    if source != GROUND and not is_floor:
+    if source != GROUND and source not in range(1, building.floors + 1):
         raise UsageError(
-            f"source: the force must be on a floor from 1 to {building.floors} or the {ROOF}, or "
-            f"the source must be {GROUND}, got {source!r:.40}"
+            f"the source of the transfer function must be {GROUND}, {ROOF} or a floor from 1 to "
+            f"{building.floors} for a force on this floor, got {source!r:.40}"
         )
     check_dampers(model, building, "transfer function")
     if not building.modes().omega[0]:
@@ -161,7 +169,7 @@ def transfer_function(
             f"{model.name}: the transfer function needs the periods, and a story has no initial "
             "stiffness; use time histories"
         )
-    stiffness = _DynamicStiffness(building, source)
+    stiffness = _DynamicStiffness(model, building, source)
     if frequency is None:
         frequency, response = _resolved(stiffness)
     else:
@@ -174,107 +182,94 @@ def transfer_function(
     return TransferFunction(model, source, frequency, response, is_damped)
 
 
-def check_dampers(model: Model, building: Building, subject: str) -> None:
-    """Raise ModelError if the force of a damper is not proportional to the velocity, so that the
-    building has no `subject`."""
-    terms = building.linear_terms[:, :-1]
-    is_power = (terms[rows.POWER_DAMPER] != 0.0) & (terms[rows.POWER] != 0.0)
-    is_power |= (terms[rows.BRACE] != 0.0) & (
-        (terms[rows.BRACED_EXPONENT] != 1.0) | (terms[rows.BRACED_RELIEF] != 0.0)
-    )
-    if is_power.any():
-        i = int(np.argmax(is_power))
-        devices = [item.name for item in model.devices]
-        place = f"story {i + 1}" if i < building.floors else devices[i - building.floors]
-        raise ModelError(
-            f"{model.name}: {place} has a power-law dashpot, whose damping depends on the "
-            f"amplitude, so that it has no {subject}; use a dashpot with "
-            "exponent 1"
-        )
-
-
 class _DynamicStiffness:
     """Complex dynamic stiffness of a building, and its response to a unit source."""
 
-    def __init__(self, building: Building, source: str | int) -> None:
-        terms = building.linear_terms[:, :-1]
-        self.building = building
-        self.source = source
-        self.link = terms[rows.LINK]
-        self.dampers = building.story_dampers + np.where(
-            terms[rows.BRACE] == 0.0, terms[rows.POWER_DAMPER], 0.0
-        )
-        self.brace = terms[rows.BRACE]
-        self.braced_damper = np.where(self.brace != 0.0, terms[rows.BRACED_DAMPER], 0.0)
-        masses = building.masses
-        # Damping between several floors, N s/m; zero without modal damping.
-        self.coupling = building.modal[:, :masses].T @ building.modal[:, :masses]
-        self.floor_damper = terms[rows.FLOOR_DAMPER, :masses]
+    def __init__(self, model: Model, building: Building, source: str | int) -> None:
+        self.building, self.source, self.matrices = building, source, matrices(model)
+        self.has_springs = model.matrices is None
 
     def response(self, frequency: Array) -> Array:
         """Return the responses of all floors and attachments at frequencies (Hz), shape (k, n)."""
-        is_chain = not (self.building.modal.size or self.building.branched)
-        solve = self._banded if is_chain else self._dense
-        if self.building.system is not None:
-            solve = self._of_system
-        shown = self.building.floors + len(self.building.attachments)  # without rotations
-        return np.array([solve(2.0 * math.pi * value)[:shown] for value in frequency])
+        shown = self.building.floors + len(self.building.attachments)  # without further rows
+        result = np.full((frequency.size, shown), np.nan, dtype=complex)
+        omega = 2.0 * math.pi * frequency
+        at_once = 1 + _AT_ONCE // (1 + len(self.building.modal))
+        for start in range(0, frequency.size if self.has_springs else 0, at_once):
+            part = slice(start, start + at_once)
+            with np.errstate(all="ignore"):  # a pivot can be zero
+                result[part] = self._eliminated(omega[part])
+        for i in np.flatnonzero(np.isnan(result[:, 0])):
+            result[i] = self._solved(omega[i])[:shown]
+        return result
 
-    def _of_system(self, omega: float) -> Array:
-        """Return the response of a model of matrices at a circular frequency. A unit displacement
-        of the ground causes the inertia forces omega^2 M r in the motion relative to the ground."""
-        system = self.building.system
-        assert system is not None
-        matrix = system.stiffness + 1j * omega * system.damping - omega**2 * system.mass
+    def _solved(self, omega: float) -> Array:
+        """Return the response at a circular frequency with the complete matrix. A unit motion of
+        the ground causes the forces omega^2 M0 r in the motion relative to the ground."""
+        parts = self.matrices
+        drifts, brace, damper = parts.braces
+        rate = 1j * omega * damper
+        matrix = parts.stiffness + 1j * omega * parts.damping - omega**2 * parts.mass
+        matrix += (drifts.T * (brace * rate / (brace + rate))) @ drifts
         if self.source != GROUND:
-            return np.asarray(np.linalg.solve(matrix, self._unit_force(len(matrix))))
-        load = omega**2 * system.loaded_mass @ system.influence
-        return np.asarray(np.linalg.solve(matrix, load) + system.influence)
+            return np.asarray(np.linalg.solve(matrix, np.eye(len(matrix))[int(self.source) - 1]))
+        load = omega**2 * parts.loaded_mass @ parts.influence
+        return np.asarray(np.linalg.solve(matrix, load) + parts.influence)
 
-    def _unit_force(self, size: int) -> Array:
-        """Return a unit force on the floor of the source, N."""
-        load = np.zeros(size, dtype=complex)
-        load[int(self.source) - 1] = 1.0
-        return load
-
-    def _springs(self, omega: float) -> Array:
-        """Return the complex stiffness of each spring with its dampers and braces, N/m."""
-        rate = 1j * omega * self.braced_damper
-        series = np.divide(
-            self.brace * rate, self.brace + rate, out=np.zeros_like(rate), where=self.brace != 0.0
-        )
-        return np.asarray(self.building.initial_stiffness + 1j * omega * self.dampers + series)
-
-    def _banded(self, omega: float) -> Array:
-        """Return the response of a chain without modal damping at a circular frequency from its
-        three diagonals."""
-        from scipy.linalg import solve_banded
-
-        springs, to_ground = self._springs(omega), 1j * omega * self.floor_damper
-        bands = np.zeros((3, springs.size), dtype=complex)
-        bands[0, 1:] = bands[2, :-1] = -(self.link * springs)[1:]
-        bands[1] = springs + to_ground
-        bands[1, :-1] += (self.link * springs)[1:]
-        bands[1] -= omega**2 * self.building.mass
-        # Only springs and dampers to the ground move a floor if the ground moves.
-        load = np.where(self.link == 0.0, springs, 0.0) + to_ground
-        if self.source != GROUND:
-            load = self._unit_force(springs.size)
-        return np.asarray(solve_banded((1, 1), bands, load))
-
-    def _dense(self, omega: float) -> Array:
-        """Return the response at a circular frequency with the complete matrix."""
-        deformations, springs = self.building.deformations, self._springs(omega)
-        to_ground = 1j * omega * (np.diag(self.floor_damper) + self.coupling)
-        matrix = (deformations.T * springs) @ deformations + to_ground
-        matrix -= omega**2 * np.diag(self.building.mass)
-        if self.source != GROUND:
-            return np.asarray(np.linalg.solve(matrix, self._unit_force(len(matrix))))
-        # The deformations for equal displacements are 0, and 1 in springs on the ground. Modal
-        # damping acts on the velocity relative to the ground.
-        ones = np.ones(len(matrix))
-        load = deformations.T @ (springs * (deformations @ ones)) + to_ground @ ones
-        return np.asarray(np.linalg.solve(matrix, load))
+    def _eliminated(self, omega: Array) -> Array:
+        """Return the responses at circular frequencies by the elimination of `tridiagonal`, with
+        arrays over the frequencies as entries, and its formula for modal damping; nan at a small
+        pivot, where a part of the building resonates without damping."""
+        building, terms = self.building, self.building.linear_terms
+        n, masses, modal = building.stories, building.masses, building.modal[:, : building.masses]
+        brace, braced, power = terms[[rows.BRACE, rows.BRACED_DAMPER, rows.POWER_DAMPER], :-1]
+        # An inerter of an attachment acts on its motion relative to the ground.
+        inertance, to_ground = np.zeros(n), np.zeros(masses)
+        if building.system is not None and len(building.system.inerters):
+            inertance[:] = building.system.inerters.max(axis=1)
+            to_ground[building.floors :] = inertance[building.floors : masses]
+            inertance[building.floors : masses] = 0.0
+        # Complex stiffnesses of the springs, and of the floors to the ground
+        rate = 1j * omega
+        dampers = building.story_dampers + np.where(brace == 0.0, power, 0.0)
+        springs = building.initial_stiffness[:, None] + np.outer(dampers, rate)
+        springs = springs - np.outer(inertance, omega**2)
+        series, stiffness = np.outer(braced, rate), brace[:, None]
+        springs += np.where(stiffness != 0.0, stiffness * series / (stiffness + series), 0.0)
+        grounded = np.outer(terms[rows.FLOOR_DAMPER, :masses], rate)
+        grounded = grounded - np.outer(to_ground, omega**2)
+        # Right sides: the source, then the vectors of modal damping
+        sides = np.zeros((n, 1 + len(modal), omega.size), dtype=complex)
+        sides[:masses, 1:] = modal.T[:, :, None]
+        if self.source == GROUND:
+            # Only springs and dampers to the ground move a floor if the ground moves.
+            sides[:masses, 0] = grounded + np.outer(modal.T @ modal.sum(axis=1), rate)
+            on_ground = np.flatnonzero(terms[rows.LINK, :-1] == 0.0)
+            upper = terms[rows.UPPER_FLOOR, on_ground].astype(int)
+            np.add.at(sides[:, 0], upper, springs[on_ground])
+        else:
+            sides[int(self.source) - 1, 0] = 1.0
+        # The table of the elimination has an array for each row and column.
+        pivots, inertia = springs.copy(), np.outer(building.mass, omega**2)
+        pivots[:masses] += grounded - inertia
+        table = {
+            (row, i): values[i]
+            for row, values in enumerate((pivots, springs, sides))
+            for i in range(n)
+        }
+        factors = Factors(table, 0, 1, 3, terms)  # type: ignore[arg-type]
+        tridiagonal.link(terms, factors, 1, n)
+        size = np.abs(pivots[:masses]) + inertia
+        tridiagonal.factor(factors, n)
+        tridiagonal.solve(factors, 2, n)
+        result, inverse = (np.array([table[row, i] for i in range(masses)]) for row in (2, 0))
+        # Woodbury formula
+        amplitudes = np.tensordot(modal, result, 1).T * rate[:, None, None]
+        small = np.eye(len(modal)) + np.swapaxes(amplitudes[:, 1:], 1, 2)
+        amplitude = np.linalg.solve(small, amplitudes[:, 0, :, None])[..., 0]
+        values = result[:, 0] - np.einsum("imk,km->ik", result[:, 1:], amplitude)
+        is_large = np.all(np.abs(inverse) * size < _MAX_GROWTH, axis=0)
+        return np.where(is_large[:, None], values.T, np.nan)
 
 
 def _resolved(stiffness: _DynamicStiffness) -> tuple[Array, Array]:

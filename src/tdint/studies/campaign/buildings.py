@@ -130,6 +130,9 @@ def model_buildings(subjects: Sequence[Subject]) -> tuple[ModelBuilding, ...]:
     return tuple(result)
 
 
+_LATER_NUMBERS = ("inertance", "rotary_inertia", "base_dashpots", "base_inertia")
+
+
 def digest_of(model: Model, method: str) -> str:
     """Return the SHA-256 of a model and a method. Two models with the same SHA-256 have the same
     response to each ground motion."""
@@ -141,14 +144,13 @@ def digest_of(model: Model, method: str) -> str:
     # The ground motion of the model is not used in a campaign.
     unexcited = replace(model, excitation=Excitation(None, model.excitation.forces))
     # The ratio of a fracture drift only determines variations of the model. Stores of earlier
-    # versions contain digests without inertia of inerters and rotations, and initial attachments.
+    # versions contain digests without `_LATER_NUMBERS` and initial attachments.
     content = asdict(
         unexcited,
         dict_factory=lambda items: {
             key: value
             for key, value in items
-            if key != "fracture_ratio"
-            and (key not in ("inertance", "rotary_inertia") or np.any(value))
+            if key != "fracture_ratio" and (key not in _LATER_NUMBERS or np.any(value))
         },
     )
     if not content["initial"]["attachments"]:

@@ -436,14 +436,11 @@ class ParameterSweep:
                 enumerate(self.changes(), start=1), self.methods or (None,), self.steps or (None,)
             )
         )
-        varied_models, units = [], self.units_of(models)
+        varied_models = []
+        self.units_of(models)  # the numbers have one unit
         for model in models:
             for (number, change), method, dt in variations:
-                numbers = {
-                    name: model.si_value(name, value)
-                    * (units[name][1] if name in units and not isinstance(value, str) else 1.0)
-                    for name, value in change.items()
-                }
+                numbers = {name: model.file_value(name, value) for name, value in change.items()}
                 analysis = replace(
                     model.analysis,
                     method=method or model.analysis.method,
