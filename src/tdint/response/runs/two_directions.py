@@ -15,7 +15,6 @@ error of the peak and the error of the history at the time of the resultant.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -26,18 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, each_array
-from tdint.errors import UsageError
 from tdint.ground_motion.axes import PairRecord
 from tdint.methods.catalogue import parse
 from tdint.response.runs import outcome
-from tdint.response.runs.case import Case
-from tdint.response.runs.error_estimate import (
-    extrapolated,
-    factors,
-    without_additional_history,
-)
+from tdint.response.runs.error_estimate import extrapolated, factors
 from tdint.response.runs.history import History
-from tdint.response.runs.settings import RunSettings
 
 LIMITS_OF_METHOD = (
     "the directions are uncoupled: torsion, biaxial yield surfaces, axial interaction and dampers "
@@ -404,7 +396,7 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
         energy=each_array(add, x.energy, y.energy),
         history=None,
         history_chunks=None,
-        notes=_texts(x.notes, y.notes),
+        notes=(*_texts(x.notes, y.notes), LIMITS_OF_METHOD),
         warnings=_texts(x.warnings, y.warnings),
         interstep_bound=each_array(np.hypot, x.interstep_bound, y.interstep_bound),
         residual_oscillation=np.hypot(x.residual_oscillation, y.residual_oscillation),
@@ -444,83 +436,3 @@ def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
         *(f"x: {text}" for text in x if text not in common),
         *(f"y: {text}" for text in y if text not in common),
     )
-
-
-# ---- Runs
-
-
-def integrate_directions(
-    case: Case,
-    settings: RunSettings,
-    integrate: Callable[..., outcome.Response],
-    *,
-    tolerance: float | None = None,
-    keep: bool = True,
-) -> outcome.Response:
-    """Integrate a case in both directions and return the combined response (`combined`).
-
-    `integrate` is the function that integrates a case in a direction, with the arguments of
-    `tdint.response.runs.run.integrate_case`.
-
-    With a tolerance, both directions have the smaller of their time steps. A run with another end
-    is repeated up to the common end. The histories of the directions are kept if `keep`.
-
-    Raises
-    ------
-    FailedRun
-        A direction failed.
-    """
-    _check_durations(case, settings)
-    run = partial(integrate, history=True, history_errors=settings.check)
-    responses = [run(part, settings, tolerance=tolerance) for part in case.directions]
-    # The building is at rest if both directions are; the second may be run again below.
-    rests = [response.time_at_rest for response in responses]
-
-    def completed(
-        settings: RunSettings, is_right: Callable[[outcome.Response], bool]
-    ) -> list[outcome.Response]:
-        """Return the runs, of which those that are not right are repeated with the settings."""
-        return [
-            response if is_right(response) else run(part, settings)
-            for part, response in zip(case.directions, responses, strict=True)
-        ]
-
-    h = min(response.dt for response in responses)
-    note: tuple[str, ...] = ()
-    if any(response.dt != h for response in responses):
-        note = (f"both directions have the time step {h:.6g} s, the smaller of their steps",)
-    settings = replace(settings, dt=h)
-    responses = completed(settings, lambda response: response.dt == h)
-    # Both directions end together: at the first collapse that ends a run, or at the later end.
-    ended = [item.steps for item in responses if item.collapse and item.collapse.ended]
-    steps = min(ended) if ended else max(response.steps for response in responses)
-    end = replace(settings, duration=steps * h, until_rest=False)
-    responses = completed(end, lambda response: response.steps == steps)
-    record = case.record if isinstance(case.record, PairRecord) else None
-    response = combined(responses, record)
-    responses = [without_additional_history(part) for part in responses]
-    if not keep:
-        responses = [replace(part, history=None, history_chunks=None) for part in responses]
-    at_rest = None if None in rests else max(time for time in rests if time is not None)
-    return replace(
-        response,
-        directions=tuple(responses),
-        time_at_rest=None if response.collapse else at_rest,
-        notes=(*response.notes, *note, LIMITS_OF_METHOD),
-    )
-
-
-def _check_durations(case: Case, settings: RunSettings) -> None:
-    """Raise UsageError if the components have different durations, and the run does not end before
-    both."""
-    record = case.record
-    if not isinstance(record, PairRecord):
-        return
-    durations = [component.duration for component in record.components]
-    end = settings.duration or case.model.analysis.duration or math.inf
-    if abs(durations[0] - durations[1]) > 0.5 * record.dt and end > min(durations):
-        raise UsageError(
-            f"{record.source}: the components of x and y last {durations[0]:.6g} and "
-            f"{durations[1]:.6g} s; trim or pad them to the same duration, or end the run before "
-            "both with a duration"
-        )
