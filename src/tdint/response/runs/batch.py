@@ -434,6 +434,12 @@ def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
     return {name: np.broadcast_to(values, count).copy() for name, values in arrays.items()}
 
 
+LIMITS_OF_METHOD = (
+    "the directions are uncoupled: torsion, biaxial yield surfaces, axial interaction and dampers "
+    "that act in both directions are not included"
+)
+
+
 def integrate_directions(
     case: Case,
     settings: RunSettings,
@@ -492,7 +498,7 @@ def integrate_directions(
         response,
         directions=tuple(responses),
         time_at_rest=None if response.collapse else at_rest,
-        notes=(*response.notes, *note),
+        notes=(*response.notes, *note, LIMITS_OF_METHOD),
     )
 
 

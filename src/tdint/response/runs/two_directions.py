@@ -31,12 +31,6 @@ from tdint.response.runs import outcome
 from tdint.response.runs.error_estimate import extrapolated, factors
 from tdint.response.runs.history import History
 
-LIMITS_OF_METHOD = (
-    "the directions are uncoupled: torsion, biaxial yield surfaces, axial interaction and dampers "
-    "that act in both directions are not included"
-)
-
-
 _Component = Callable[[NDArray[np.intp], Any], Array]
 """Quantity of one direction at fractions of steps, with the arguments of `polynomial`."""
 
@@ -73,13 +67,6 @@ def quintics(u: Array, v: Array, a: Array, h: float) -> Array:
     )
 
 
-def lines(values: Array, terms: int = 2) -> Array:
-    """Return coefficients of straight lines between values at time steps; further terms are 0."""
-    coefficients = np.zeros((terms, len(values) - 1, *values.shape[1:]))
-    coefficients[:2] = values[:-1], np.diff(values, axis=0)
-    return coefficients
-
-
 def polynomial(coefficients: Array, step: NDArray[np.intp], s: Any) -> Array:
     """Return values at fractions `s` of steps, from coefficients as of `quintics`. The last
     dimension of `step` and of the values is that of the stories."""
@@ -103,7 +90,7 @@ def _accelerations(history: History, displacements: Array, h: float) -> Array:
     ratio = np.divide(np.abs(tilt), np.abs(bulge), out=unlimited, where=bulge != 0.0)
     weight = np.clip(2.0 - ratio, 0.0, 1.0)
     bulge, tilt = weight * bulge, weight * tilt
-    start, rise = lines(history.absolute_acceleration)
+    start, rise = history.absolute_acceleration[:-1], np.diff(history.absolute_acceleration, axis=0)
     return np.stack((start, rise + bulge + tilt, -bulge - 3.0 * tilt, 2.0 * tilt))
 
 
@@ -125,12 +112,11 @@ def _corners(history: History) -> tuple[Array, Array, Array, Array]:
     and its neighbors, which has no cancellation at reversals: in a linear story the stiffness.
     """
     drift, force, interval = history.drift, history.shear, np.diff(history.time)
-    change, rise = np.diff(drift, axis=0), np.diff(force, axis=0)
     is_step = (interval < 1.5 * interval.min())[:, np.newaxis]
-    moves = is_step & (change != 0.0)
-    slope = np.divide(rise, change, out=np.full_like(rise, np.nan), where=moves)
+    change, rise = np.where(is_step, np.diff(drift, axis=0), 0.0), np.diff(force, axis=0)
+    slope = np.divide(rise, change, out=np.full_like(rise, np.nan), where=change != 0.0)
     padded = np.pad(slope, ((1, 1), (0, 0)), constant_values=np.nan)
-    sizes = np.pad(np.where(moves, np.abs(change), 0.0), ((1, 1), (0, 0)))
+    sizes = np.pad(np.abs(change), ((1, 1), (0, 0)))
     slopes, sizes = (
         np.stack((values[1:-1], values[:-2], values[2:])) for values in (padded, sizes)
     )
@@ -229,7 +215,8 @@ def _components(history: History, h: float) -> dict[str, _Component]:
     relative = history.absolute_acceleration - history.ground_acceleration[:, np.newaxis]
     displacements = quintics(history.displacement, history.velocity, relative, h)
     gaps = np.diff(history.time) > 1.5 * h
-    displacements[:, gaps] = lines(history.displacement, len(displacements))[:, gaps]
+    displacements[1:, gaps] = 0.0
+    displacements[1, gaps] = np.diff(history.displacement, axis=0)[gaps]
     drifts = np.diff(displacements, axis=2, prepend=0.0)
     return {
         "displacement": partial(polynomial, displacements),
@@ -257,18 +244,22 @@ def _peaks(histories: Sequence[History], h: float) -> dict[str, tuple[Array, ...
     return peaks
 
 
-def resultants_of(responses: Sequence[outcome.Response]) -> outcome.Resultants:
+def resultants_of(
+    responses: Sequence[outcome.Response], histories: Sequence[History]
+) -> outcome.Resultants:
     """Return the resultants of the quantities in `_OF_HISTORY`.
 
     Parameters
     ----------
     responses : sequence of Response
-        Runs along x and y with equal time steps, the same end, and histories.
+        Runs along x and y with equal time steps and the same end.
+    histories : sequence of History
+        Their histories.
     """
     h = responses[0].dt
     others, by = _of_additional_runs(responses), factors(parse(responses[0].method))
     result = {}
-    for name, (length, steps, x, y) in _peaks([*map(_history, responses)], h).items():
+    for name, (length, steps, x, y) in _peaks(histories, h).items():
         peaks = [getattr(run.stories, f"peak_{name}") for run in responses]
         value = np.clip(length, np.maximum(*peaks), np.hypot(*peaks))
         of_peaks = [
@@ -277,7 +268,7 @@ def resultants_of(responses: Sequence[outcome.Response]) -> outcome.Resultants:
         ]
         # Errors at the time of the resultant, if the histories have errors
         row = np.rint(steps).astype(np.int64), np.arange(len(steps))
-        at_time = [getattr(_history(run).error, name, None) for run in responses]
+        at_time = [getattr(history.error, name, None) for history in histories]
         error = np.hypot(
             *(
                 of_peak if errors is None else np.maximum(of_peak, np.abs(errors[row]))
@@ -303,29 +294,20 @@ def resultants_of(responses: Sequence[outcome.Response]) -> outcome.Resultants:
 def _of_additional_runs(responses: Sequence[outcome.Response]) -> dict[str, tuple[Array, ...]]:
     """Return the peaks of the resultants of the additional runs up to the end of the runs
     (`_peaks`); empty without the histories of these runs."""
-    histories = [run.check.history if run.check else None for run in responses]
-    steps = [run.check.time_steps[0] for run in responses if run.check and run.check.time_steps]
-    if None in histories or len(steps) < 2:
+    runs = [
+        (run.check.history, run.check.time_steps[0])
+        for run in responses
+        if run.check and run.check.history and run.check.time_steps
+    ]
+    if len(runs) < 2:
         return {}
-    h = max(steps)
+    h = max(step for _, step in runs)
     count = responses[0].steps * round(responses[0].dt / h) + 1
     parts = [
         each_array(lambda array: array[:count], history.every(round(h / step)))
-        for history, step in zip(histories, steps, strict=True)
-        if history is not None
+        for history, step in runs
     ]
     return _peaks(parts, h) if all(len(history.time) == count for history in parts) else {}
-
-
-def histories_of(response: outcome.Response) -> list[History]:
-    """Return the kept histories along x and y."""
-    return [_history(run) for run in response.directions]
-
-
-def _history(response: outcome.Response) -> History:
-    """Return the kept history of a run."""
-    assert response.history is not None
-    return response.history
 
 
 def _combined(
@@ -359,12 +341,13 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
     # Both runs end at a collapse that ends a run; the status is that of the first collapse.
     collapses = [run.collapse for run in responses if run.collapse]
     collapse = min(collapses, key=lambda item: item.time, default=None)
-    resultants = resultants_of(responses)
+    histories = [run.history for run in responses if run.history]
+    resultants = resultants_of(responses, histories)
     heights = x.stories.height
     values = {f"peak_{name}": getattr(resultants, name).value for name in _OF_HISTORY}
     for name in ("velocity", "total_shear"):
         peak = f"peak_{name}"
-        at_steps = np.hypot(*(getattr(_history(run), name) for run in responses)).max(axis=0)
+        at_steps = np.hypot(*(getattr(history, name) for history in histories)).max(axis=0)
         values[peak] = np.maximum.reduce(
             [at_steps, *(getattr(run.stories, peak) for run in responses)]
         )
@@ -396,36 +379,19 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
         energy=each_array(add, x.energy, y.energy),
         history=None,
         history_chunks=None,
-        notes=(*_texts(x.notes, y.notes), LIMITS_OF_METHOD),
+        notes=_texts(x.notes, y.notes),
         warnings=_texts(x.warnings, y.warnings),
         interstep_bound=each_array(np.hypot, x.interstep_bound, y.interstep_bound),
         residual_oscillation=np.hypot(x.residual_oscillation, y.residual_oscillation),
         collapse=collapse,
         check=check,
         growth=max(x.growth, y.growth),
-        devices=_larger_devices(x.devices, y.devices),
+        devices=x.devices and x.devices.larger(y.devices),
         elements=None,
         flexure=None,
         directions=(x, y),
         resultants=resultants,
     )
-
-
-_ENERGIES = ("dissipated_energy", "dissipated_energy_error")
-"""Quantities of attachments and links that are sums over both directions."""
-
-
-def _larger_devices(
-    x: outcome.DevicePeaks | None, y: outcome.DevicePeaks | None
-) -> outcome.DevicePeaks | None:
-    """Return the larger peaks of attachments and links, which act in both directions separately,
-    and the sums of their energies; None unless both directions have the same ones."""
-    if x is None or y is None or (x.attachments, x.links) != (y.attachments, y.links):
-        return None
-    # A fracture is reported with its direction; errors can be unknown in one direction.
-    larger: outcome.DevicePeaks = each_array(lambda *values: np.fmax(*np.abs(values)), x, y)
-    sums = {name: each_array(add, getattr(x, name), getattr(y, name)) for name in _ENERGIES}
-    return replace(larger, fracture_time=None, fracture_drift=None, **sums)
 
 
 def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
