@@ -17,7 +17,7 @@ from tdint.ground_motion.horizontals import find_horizontals
 from tdint.ground_motion.measures import measure
 from tdint.response.runs.history import HISTORIES_OF_MANY, values_of
 from tdint.response.runs.outcome import Resultant
-from tdint.response.runs.two_directions import combined, lines, peak_of_vector, polynomial
+from tdint.response.runs.two_directions import combined, peak_of_vector, polynomial
 
 RNG = np.random.default_rng(20261129)
 TIME = 0.02 * np.arange(500)
@@ -71,7 +71,10 @@ REFERENCE = {
 def test_resultant_of_two_histories():
     # Entry B1 of the reference values: program A and program B agree within 2e-16.
     x, y = [0.2, 1.0, -0.4, -1.1, 0.3], [-0.5, 0.8, 0.9, 0.2, -0.7]
-    components = (partial(polynomial, lines(np.array(values)[:, np.newaxis])) for values in (x, y))
+    components = (
+        partial(polynomial, np.stack((values[:-1], np.diff(values)))[..., np.newaxis])
+        for values in map(np.array, (x, y))
+    )
     (length,), (time,), (x_peak,), (y_peak,) = peak_of_vector(*components, (4, 1))
     peaks = (np.array([np.abs(values).max()]) for values in (x, y))
     found = Resultant(np.array([length]), np.array([time]), np.zeros(1), *peaks, np.zeros(1))

@@ -9,8 +9,7 @@ the force over the drift near the step, or by two slopes if the story yields or 
 
 The resultant is at least the larger of the peaks x and y of the separate runs, and at most their
 SRSS. Its estimated error is the larger of the error from the difference to the resultant of the
-additional runs, and the SRSS of the errors of x and y. The error of x or y is the larger of the
-error of the peak and the error of the history at the time of the resultant.
+additional runs, and the SRSS of the errors of x and y.
 """
 
 from __future__ import annotations
@@ -266,15 +265,7 @@ def resultants_of(
             np.asarray(getattr(run.check.errors, f"peak_{name}")) if run.check else np.nan * length
             for run in responses
         ]
-        # Errors at the time of the resultant, if the histories have errors
-        row = np.rint(steps).astype(np.int64), np.arange(len(steps))
-        at_time = [getattr(history.error, name, None) for history in histories]
-        error = np.hypot(
-            *(
-                of_peak if errors is None else np.maximum(of_peak, np.abs(errors[row]))
-                for of_peak, errors in zip(of_peaks, at_time, strict=True)
-            )
-        )
+        error = np.hypot(*of_peaks)
         if name in others:
             error = np.maximum(error, extrapolated(value, others[name][0], value, by))
         # A resultant that is the peak of one direction has the error of this peak: a component at
