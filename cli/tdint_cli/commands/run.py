@@ -408,11 +408,9 @@ def _files(
         )
         files[file] = lambda stream: tables.histories.write_history(chunks, stream, units)
     elif file and response.directions:
-        from tdint.response.runs.two_directions import histories_of
-
         x, y = (
             replace(part, error=part.error if request.check else None).every(request.history_every)
-            for part in histories_of(response)
+            for part in (run.history for run in response.directions if run.history)
         )
         files[file] = lambda stream: tables.histories.write_history([x], stream, units, [y])
     if picture := request.picture_file:

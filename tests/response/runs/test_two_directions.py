@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from tdint.ground_motion.horizontals import find_horizontals
 from tdint.ground_motion.measures import measure
 from tdint.response.runs.history import HISTORIES_OF_MANY, values_of
 from tdint.response.runs.outcome import Resultant
-from tdint.response.runs.two_directions import combined, lines, peak_of_vector
+from tdint.response.runs.two_directions import combined, peak_of_vector, polynomial
 
 RNG = np.random.default_rng(20261129)
 TIME = 0.02 * np.arange(500)
@@ -70,8 +71,11 @@ REFERENCE = {
 def test_resultant_of_two_histories():
     # Entry B1 of the reference values: program A and program B agree within 2e-16.
     x, y = [0.2, 1.0, -0.4, -1.1, 0.3], [-0.5, 0.8, 0.9, 0.2, -0.7]
-    components = (lines(np.array(values)[:, np.newaxis]) for values in (x, y))
-    (length,), (time,), (x_peak,), (y_peak,) = peak_of_vector(*components)
+    components = (
+        partial(polynomial, np.stack((values[:-1], np.diff(values)))[..., np.newaxis])
+        for values in map(np.array, (x, y))
+    )
+    (length,), (time,), (x_peak,), (y_peak,) = peak_of_vector(*components, (4, 1))
     peaks = (np.array([np.abs(values).max()]) for values in (x, y))
     found = Resultant(np.array([length]), np.array([time]), np.zeros(1), *peaks, np.zeros(1))
     assert (found.x, found.y) == (1.1, 0.9)
@@ -84,7 +88,8 @@ def test_resultant_of_two_histories():
 
 def test_peak_of_a_vector_with_polynomial_components():
     terms = RNG.normal(size=(2, 6, 40, 3))
-    length, time, x, y = peak_of_vector(*terms)
+    components = (partial(polynomial, part) for part in terms)
+    length, time, x, y = peak_of_vector(*components, terms.shape[2:])
     s = np.linspace(0.0, 1.0, 20_001)
     powers = s[:, np.newaxis] ** np.arange(6)
     sampled = np.hypot(*(np.einsum("pk,kij->pij", powers, values) for values in terms))

@@ -33,7 +33,6 @@ from tdint.output.figures.style import (
     write_note,
 )
 from tdint.response.runs.outcome import Response
-from tdint.response.runs.two_directions import histories_of
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -642,7 +641,7 @@ def plan_picture(response: Response, units: OutputUnits = SI) -> Figure:
 def _draw_path(axes: Any, response: Response, story: int, units: OutputUnits) -> None:
     """Plot the drift in y against the drift in x of a story, and its largest resultant."""
     assert response.resultants is not None
-    x, y = (units.of(history.drift[:, story], "m") for history in histories_of(response))
+    x, y = (units.of(history.drift[:, story], "m") for history in _histories(response))
     peak = response.resultants.drift
     radius = float(units.of(peak.value[story], "m"))
     angle = np.radians(peak.direction[story])
@@ -667,9 +666,14 @@ def _draw_path(axes: Any, response: Response, story: int, units: OutputUnits) ->
     )
 
 
+def _histories(response: Response) -> list[History]:
+    """Return the kept histories along x and y."""
+    return [run.history for run in response.directions if run.history]
+
+
 def _draw_two_roofs(axes: Any, response: Response, units: OutputUnits) -> None:
     """Plot the roof displacements in both directions over time."""
-    for number, history in enumerate(histories_of(response)):
+    for number, history in enumerate(_histories(response)):
         roof = units.of(history.displacement[:, -1], "m")
         axes.plot(history.time, roof, label="xy"[number], **_line(number))
     axes.set(xlabel="time (s)", ylabel=f"roof displacement\n({units.label('m')})")

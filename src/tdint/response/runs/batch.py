@@ -5,12 +5,15 @@ without collapse is the result of the compiled call. All other runs are evaluate
 `tdint.response.runs.case.Case`, like a single run. Runs with error estimates are integrated
 individually.
 
+A run in two directions is a run of each direction (`integrate_directions`).
+
 The caller decides which results are kept: `tdint.run_many` fills its arrays; a campaign writes rows
 and repeats failed runs with half the time step.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -21,7 +24,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
-from tdint.ground_motion.axes import components_of
+from tdint.ground_motion.axes import PairRecord, components_of
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -35,7 +38,11 @@ from tdint.response.runs.case import (
     until_forces_end,
 )
 from tdint.response.runs.elements import ElementPeaks, element_peaks
-from tdint.response.runs.error_estimate import run_until_rest, run_with_error_estimate
+from tdint.response.runs.error_estimate import (
+    run_until_rest,
+    run_with_error_estimate,
+    without_additional_history,
+)
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.loop_results import columns, energy_errors, named_devices, named_peaks
 from tdint.response.runs.outcome import (
@@ -346,7 +353,6 @@ def run_batch(
         run_case, steps = case(i), runs[i][2]
         if run_case.across is None:
             return integrate_alone(run_case, steps, has_history, to_rest)
-        from tdint.response.runs.two_directions import integrate_directions
 
         def integrate_part(
             part: Case, settings: RunSettings, history_errors: bool, **_: Any
@@ -426,3 +432,87 @@ def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
             f"the numbers of values are: {counts}"
         )
     return {name: np.broadcast_to(values, count).copy() for name, values in arrays.items()}
+
+
+LIMITS_OF_METHOD = (
+    "the directions are uncoupled: torsion, biaxial yield surfaces, axial interaction and dampers "
+    "that act in both directions are not included"
+)
+
+
+def integrate_directions(
+    case: Case,
+    settings: RunSettings,
+    integrate: Callable[..., Response],
+    *,
+    tolerance: float | None = None,
+    keep: bool = True,
+) -> Response:
+    """Integrate a case in both directions and return the combined response (`combined`).
+
+    `integrate` is the function that integrates a case in a direction, with the arguments of
+    `tdint.response.runs.run.integrate_case`.
+
+    With a tolerance, both directions have the smaller of their time steps. A run with another end
+    is repeated up to the common end. The histories of the directions are kept if `keep`.
+
+    Raises
+    ------
+    FailedRun
+        A direction failed.
+    """
+    # Imported here, because few models have two directions.
+    from tdint.response.runs.two_directions import combined
+
+    _check_durations(case, settings)
+    run = partial(integrate, history=True, history_errors=settings.check)
+    responses = [run(part, settings, tolerance=tolerance) for part in case.directions]
+    # The building is at rest if both directions are; the second may be run again below.
+    rests = [response.time_at_rest for response in responses]
+
+    def completed(settings: RunSettings, is_right: Callable[[Response], bool]) -> list[Response]:
+        """Return the runs, of which those that are not right are repeated with the settings."""
+        return [
+            response if is_right(response) else run(part, settings)
+            for part, response in zip(case.directions, responses, strict=True)
+        ]
+
+    h = min(response.dt for response in responses)
+    note: tuple[str, ...] = ()
+    if any(response.dt != h for response in responses):
+        note = (f"both directions have the time step {h:.6g} s, the smaller of their steps",)
+    settings = replace(settings, dt=h)
+    responses = completed(settings, lambda response: response.dt == h)
+    # Both directions end together: at the first collapse that ends a run, or at the later end.
+    ended = [item.steps for item in responses if item.collapse and item.collapse.ended]
+    steps = min(ended) if ended else max(response.steps for response in responses)
+    end = replace(settings, duration=steps * h, until_rest=False)
+    responses = completed(end, lambda response: response.steps == steps)
+    record = case.record if isinstance(case.record, PairRecord) else None
+    response = combined(responses, record)
+    responses = [without_additional_history(part) for part in responses]
+    if not keep:
+        responses = [replace(part, history=None, history_chunks=None) for part in responses]
+    at_rest = None if None in rests else max(time for time in rests if time is not None)
+    return replace(
+        response,
+        directions=tuple(responses),
+        time_at_rest=None if response.collapse else at_rest,
+        notes=(*response.notes, *note, LIMITS_OF_METHOD),
+    )
+
+
+def _check_durations(case: Case, settings: RunSettings) -> None:
+    """Raise UsageError if the components have different durations, and the run does not end before
+    both."""
+    record = case.record
+    if not isinstance(record, PairRecord):
+        return
+    durations = [component.duration for component in record.components]
+    end = settings.duration or case.model.analysis.duration or math.inf
+    if abs(durations[0] - durations[1]) > 0.5 * record.dt and end > min(durations):
+        raise UsageError(
+            f"{record.source}: the components of x and y last {durations[0]:.6g} and "
+            f"{durations[1]:.6g} s; trim or pad them to the same duration, or end the run before "
+            "both with a duration"
+        )

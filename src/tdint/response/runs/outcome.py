@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
+from operator import add, itemgetter
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
@@ -419,6 +419,19 @@ class DevicePeaks(WithTable):
 
     def _headline(self) -> str:
         return f"of {', '.join((*self.attachments, *self.links))}"
+
+    def larger(self, other: "DevicePeaks | None") -> "DevicePeaks | None":
+        """Return the larger peaks of two runs with the same attachments and links, which act in
+        both directions separately, and the sums of their energies; None with other ones."""
+        if other is None or (self.attachments, self.links) != (other.attachments, other.links):
+            return None
+        # A fracture is reported with its direction; errors can be unknown in one direction.
+        larger: DevicePeaks = each_array(lambda *values: np.fmax(*np.abs(values)), self, other)
+        energies = {
+            name: each_array(add, getattr(self, name), getattr(other, name))
+            for name in ("dissipated_energy", "dissipated_energy_error")
+        }
+        return replace(larger, fracture_time=None, fracture_drift=None, **energies)
 
     def demands(self, attachments: int) -> dict[str, Array]:
         """Return the demands of one run that limits apply to (`tdint.model.limits`), shape

@@ -390,7 +390,8 @@ def integrate_case(
         As by `run`.
     """
     if case.across is not None:
-        from tdint.response.runs.two_directions import integrate_directions
+        # Imported here, because few models have two directions.
+        from tdint.response.runs.batch import integrate_directions
 
         return integrate_directions(case, settings, integrate_case, tolerance=tolerance)
     if settings.until_rest:

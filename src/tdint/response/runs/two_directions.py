@@ -5,49 +5,35 @@ length of the vector (x, y) in plan. Its peak is located between time steps: wit
 displacements and drifts are the quintics of `tdint.kernels.step_interpolant`, accelerations their
 deviations from a straight line, and shears change by the deviation of the drift times the slope of
 the force over the drift near the step, or by two slopes if the story yields or unloads in the step
-(`_corners`). The convex hull of the Bezier points of a vector
-with polynomial components contains its curve, so that only steps with a Bezier point outside of the
-largest circle at the time steps are searched.
+(`_corners`).
 
 The resultant is at least the larger of the peaks x and y of the separate runs, and at most their
 SRSS. Its estimated error is the larger of the error from the difference to the resultant of the
-additional runs, and the SRSS of the errors of x and y. The error of x or y is the larger of the
-error of the peak and the error of the history at the time of the resultant.
+additional runs, and the SRSS of the errors of x and y.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import product
 from operator import add
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array, each_array
-from tdint.errors import UsageError
 from tdint.ground_motion.axes import PairRecord
 from tdint.methods.catalogue import parse
 from tdint.response.runs import outcome
-from tdint.response.runs.case import Case
-from tdint.response.runs.error_estimate import (
-    extrapolated,
-    factors,
-    without_additional_history,
-)
+from tdint.response.runs.error_estimate import extrapolated, factors
 from tdint.response.runs.history import History
-from tdint.response.runs.settings import RunSettings
 
-LIMITS_OF_METHOD = (
-    "the directions are uncoupled: torsion, biaxial yield surfaces, axial interaction and dampers "
-    "that act in both directions are not included"
-)
+_Component = Callable[[NDArray[np.intp], Any], Array]
+"""Quantity of one direction at fractions of steps, with the arguments of `polynomial`."""
 
-
-# ---- Peak of a vector with polynomial components
+# ---- Peak of a vector
 
 
 def quintics(u: Array, v: Array, a: Array, h: float) -> Array:
@@ -80,11 +66,14 @@ def quintics(u: Array, v: Array, a: Array, h: float) -> Array:
     )
 
 
-def lines(values: Array, terms: int = 2) -> Array:
-    """Return coefficients of straight lines between values at time steps; further terms are 0."""
-    coefficients = np.zeros((terms, len(values) - 1, *values.shape[1:]))
-    coefficients[:2] = values[:-1], np.diff(values, axis=0)
-    return coefficients
+def polynomial(coefficients: Array, step: NDArray[np.intp], s: Any) -> Array:
+    """Return values at fractions `s` of steps, from coefficients as of `quintics`. The last
+    dimension of `step` and of the values is that of the stories."""
+    terms = coefficients[:, step, np.arange(coefficients.shape[2])]
+    value = np.asarray(terms[-1])
+    for term in terms[-2::-1]:
+        value = value * s + term
+    return value
 
 
 def _accelerations(history: History, displacements: Array, h: float) -> Array:
@@ -100,31 +89,8 @@ def _accelerations(history: History, displacements: Array, h: float) -> Array:
     ratio = np.divide(np.abs(tilt), np.abs(bulge), out=unlimited, where=bulge != 0.0)
     weight = np.clip(2.0 - ratio, 0.0, 1.0)
     bulge, tilt = weight * bulge, weight * tilt
-    start, rise = lines(history.absolute_acceleration)
+    start, rise = history.absolute_acceleration[:-1], np.diff(history.absolute_acceleration, axis=0)
     return np.stack((start, rise + bulge + tilt, -bulge - 3.0 * tilt, 2.0 * tilt))
-
-
-def _shears(history: History, drifts: Array) -> Array:
-    """Return the coefficients of the forces of the stories from the coefficients of the drifts."""
-    rise, change = np.diff(history.shear, axis=0), np.diff(history.drift, axis=0)
-    # The slope of the step with the largest change of the drift, of the step and its neighbors, has
-    # no cancellation at reversals. In a linear story it is the stiffness.
-    padded = np.pad(np.abs(change), ((1, 1), (0, 0)))
-    nearest = np.argmax(np.stack((padded[1:-1], padded[:-2], padded[2:])), axis=0)
-    offset = np.array([0, -1, 1])[nearest]
-    step = np.arange(len(change))[:, np.newaxis] + offset
-    story = np.arange(change.shape[1])
-    slope = np.divide(
-        rise[step, story],
-        change[step, story],
-        out=np.zeros_like(rise),
-        where=change[step, story] != 0.0,
-    )
-    deviation = drifts.copy()
-    deviation[0] = history.shear[:-1]
-    deviation[1] = rise + slope * (drifts[1] - change)
-    deviation[2:] *= slope
-    return deviation
 
 
 _CORNER = 0.05
@@ -133,142 +99,103 @@ after a step, relative to the larger slope, above which the step has a corner. C
 their slope gradually; a single slope is then as accurate."""
 
 
-def _corners(history: History) -> tuple[Array, Array, Array]:
-    """Return the slopes of the forces before and after a corner in each step, N/m, and the drifts
-    at the corners, m, shapes (steps, n); nan without a corner.
+def _corners(history: History) -> tuple[Array, Array, Array, Array]:
+    """Return the slopes of the forces before and after a corner in each step, N/m, the drifts at
+    the corners, m, nan without a corner, and the slopes in steps without a corner, N/m; shapes
+    (steps, n).
 
-    The slopes are those of the step before and of the step after. The corner is the intersection
-    of the line with the first slope through the start and of the line with the second slope
-    through the end, both for a story that yields and at a reversal. A gap of the history has no
-    corner.
+    The first two slopes are those of the step before and of the step after. The corner is the
+    intersection of the line with the first slope through the start and of the line with the second
+    slope through the end, both for a story that yields and at a reversal. A gap of the history has
+    no corner. The last slope is that of the step with the largest change of the drift, of the step
+    and its neighbors, which has no cancellation at reversals: in a linear story the stiffness.
     """
     drift, force, interval = history.drift, history.shear, np.diff(history.time)
-    change, rise = np.diff(drift, axis=0), np.diff(force, axis=0)
     is_step = (interval < 1.5 * interval.min())[:, np.newaxis]
-    moves = is_step & (change != 0.0)
-    slope = np.divide(rise, change, out=np.full_like(rise, np.nan), where=moves)
+    change, rise = np.where(is_step, np.diff(drift, axis=0), 0.0), np.diff(force, axis=0)
+    slope = np.divide(rise, change, out=np.full_like(rise, np.nan), where=change != 0.0)
     padded = np.pad(slope, ((1, 1), (0, 0)), constant_values=np.nan)
-    before, after = padded[:-2], padded[2:]
+    sizes = np.pad(np.abs(change), ((1, 1), (0, 0)))
+    slopes, sizes = (
+        np.stack((values[1:-1], values[:-2], values[2:])) for values in (padded, sizes)
+    )
+    largest = np.take_along_axis(slopes, sizes.argmax(axis=0)[np.newaxis], axis=0)[0]
+    _, before, after = slopes
     difference = before - after
     has_corner = np.abs(difference) > _CORNER * np.maximum(np.abs(before), np.abs(after))
-    has_corner &= is_step
     corner = np.divide(
         rise + before * drift[:-1] - after * drift[1:],
         difference,
         out=np.full_like(rise, np.nan),
-        where=has_corner,
+        where=has_corner & is_step,
     )
-    return before, after, corner
+    return before, after, corner, np.nan_to_num(largest * is_step)
 
 
-def _parts_of_step(
-    history: History, polynomials: dict[str, Array], corners: tuple[Array, Array, Array], i: Any
-) -> list[tuple[float, float, Array]]:
-    """Return the parts of the step and story `i` (indices) without a corner of the force: start,
-    end and coefficients of the force."""
-    step, story = i
-    drifts, shears = (polynomials[name][:, step, story] for name in ("drift", "shear"))
-    before, after, corner = (values[i] for values in corners)
-    if np.isfinite(corner):
-        offset = drifts.copy()
-        offset[0] -= corner
-        roots = np.roots(offset[::-1])
-        # At a reversal the polynomial of the drift touches the corner, within the error of both.
-        extrema = np.roots(np.polyder(offset[::-1]))
-        for found in (roots, extrema):
-            s = found.real[(np.abs(found.imag) < 1e-9) & (found.real > 0.0) & (found.real < 1.0)]
-            if s.size:
-                first, second = before * drifts, after * drifts
-                first[0] = history.shear[i]
-                second[0] = history.shear[step + 1, story] - second[1:].sum()
-                return [(0.0, float(s[0]), first), (float(s[0]), 1.0, second)]
-    return [(0.0, 1.0, shears)]
+def _shear(history: History, drifts: Array) -> _Component:
+    """Return the function of the forces of the stories from the coefficients of the drifts.
+
+    The force deviates from a straight line by the deviation of the drift times a slope. A step with
+    a corner has the first slope as long as the drift moves in the direction of its start and has
+    not passed the drift of the corner. A step that ends before has no corner.
+    """
+    before, after, corner, slope = _corners(history)
+    rates = np.arange(1.0, len(drifts))[:, np.newaxis, np.newaxis] * drifts[1:]
+    is_passed = (history.drift[1:] - corner) * (history.drift[:-1] - corner) <= 0.0
+    corner = np.where(is_passed | (rates[0] * rates.sum(axis=0) <= 0.0), corner, np.nan)
+
+    def force(step: NDArray[np.intp], s: Any) -> Array:
+        """Return the forces at fractions of steps, N."""
+        i, end = (step, np.arange(drifts.shape[2])), (step + 1, np.arange(drifts.shape[2]))
+        start, change = history.drift[i], history.drift[end] - history.drift[i]
+        moved = polynomial(drifts, step, s) - start
+        line = history.shear[i] + s * (history.shear[end] - history.shear[i])
+        moves_on = polynomial(rates, step, s) * rates[0][i] > 0.0
+        is_first = moves_on & ((start + moved - corner[i]) * (start - corner[i]) > 0.0)
+        first = history.shear[i] + before[i] * moved
+        second = history.shear[end] + after[i] * (moved - change)
+        curved = line + slope[i] * (moved - s * change)
+        return np.where(np.isnan(corner[i]), curved, np.where(is_first, first, second))
+
+    return force
 
 
-def _peaks_of_shears(
-    histories: Sequence[History], polynomials: Sequence[dict[str, Array]]
+_PARTS, _CANDIDATES, _ZOOMS = 4, 4, 7
+"""Parts of each step at which a vector is evaluated, number of steps that are searched for its
+peak, and of repeated searches, each in a fourteenth of the part before."""
+_PARTS_OF_STEP = np.linspace(0.0, 1.0, _PARTS + 1)[:, np.newaxis, np.newaxis]
+_PARTS_OF_RANGE = np.linspace(-1.0, 1.0, 33)[:, np.newaxis, np.newaxis]
+
+
+def peak_of_vector(
+    x: _Component, y: _Component, shape: tuple[int, ...]
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the peaks of the resultant shears as `peak_of_vector`, with the corners of the forces
-    in the steps."""
-    x, y = (terms["shear"] for terms in polynomials)
-    corners = [_corners(history) for history in histories]
-    largest = []  # absolute values of the components at both ends and at the corner of each step
-    for history, (before, _, corner) in zip(histories, corners, strict=True):
-        force = np.abs(history.shear)
-        at_corner = history.shear[:-1] + before * (corner - history.drift[:-1])
-        largest.append(np.fmax(np.fmax(force[:-1], force[1:]), np.abs(at_corner)))
-    bounds = np.hypot(*largest)
-    has_corner = np.isfinite(corners[0][2]) | np.isfinite(corners[1][2])
-    # A step with a corner is a straight line here: its ends count, and not its polynomials.
-    smooth = (
-        np.where(has_corner, lines(history.shear, len(terms)), terms)
-        for terms, history in zip((x, y), histories, strict=True)
-    )
-    peaks = np.array(peak_of_vector(*smooth))
-    near = np.argwhere(has_corner & (bounds > peaks[0]))
-    for step, story in near[np.argsort(-bounds[tuple(near.T)])].tolist():
-        if bounds[step, story] > peaks[0, story]:
-            parts = [
-                _parts_of_step(*item, (step, story))
-                for item in zip(histories, polynomials, corners, strict=True)
-            ]
-            for (a, b, x_terms), (c, d, y_terms) in product(*parts):
-                part = max(a, c), min(b, d)
-                if part[0] < part[1]:
-                    found = _peak_in_step(x_terms, y_terms, step, part)
-                    peaks[:, story] = max(tuple(peaks[:, story]), found)
-    return tuple(peaks)
-
-
-def peak_of_vector(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Return the peaks of the length of vectors with polynomial components.
+    """Return the peaks of the length of vectors.
 
     Parameters
     ----------
-    x, y : ndarray, shape (terms, steps, n)
-        Coefficients of the components within each step, as from `quintics`.
+    x, y : callable
+        Components at fractions of steps, with the arguments of `polynomial`.
+    shape : tuple of int
+        Numbers of steps and of stories.
 
     Returns
     -------
     tuple of ndarray, shape (n,)
         Length at the peak, its time in steps, and both components.
     """
-    terms = len(x)
-    # Row i of the matrix is the Bezier point i as a combination of the coefficients.
-    bezier = np.array(
-        [[math.comb(i, k) / math.comb(terms - 1, k) for k in range(terms)] for i in range(terms)]
-    )
-    peaks = []
-    for x_terms, y_terms in zip(np.moveaxis(x, 2, 0), np.moveaxis(y, 2, 0), strict=True):
-        squares = (bezier @ x_terms) ** 2 + (bezier @ y_terms) ** 2
-        # The first and the last Bezier points are the values at the time steps.
-        step = int(np.argmax(squares[-1]))
-        x_end, y_end = x_terms[:, step].sum(), y_terms[:, step].sum()
-        best = np.hypot(x_end, y_end), step + 1.0, x_end, y_end
-        if squares[0, 0] > squares[-1, step]:
-            best = np.hypot(x_terms[0, 0], y_terms[0, 0]), 0.0, x_terms[0, 0], y_terms[0, 0]
-        bounds = squares.max(axis=0)
-        near = np.flatnonzero(bounds > best[0] ** 2)
-        for step in near[np.argsort(-bounds[near])].tolist():
-            if bounds[step] > best[0] ** 2:
-                best = max(best, _peak_in_step(x_terms[:, step], y_terms[:, step], step))
-        peaks.append(best)
-    length, time, x_peak, y_peak = np.array(peaks, dtype=np.float64).T
-    return length, time, x_peak, y_peak
-
-
-def _peak_in_step(
-    x: Array, y: Array, step: int, part: tuple[float, float] = (0.0, 1.0)
-) -> tuple[float, float, float, float]:
-    """Return the peak within a part of a step as length, time in steps, and both components."""
-    # Half the derivative of the squared length, from the highest power
-    order = np.arange(1.0, len(x))
-    rate = (np.convolve(x, order * x[1:]) + np.convolve(y, order * y[1:]))[::-1]
-    s = np.append(np.clip(np.roots(rate).real, *part), part)
-    components = np.polyval(x[::-1], s), np.polyval(y[::-1], s)
-    lengths = np.hypot(*components)
-    best = int(np.argmax(lengths))
-    return lengths[best], step + s[best], components[0][best], components[1][best]
+    story = np.arange(shape[1])
+    step = np.broadcast_to(np.arange(shape[0])[:, np.newaxis], shape)
+    lengths = np.hypot(*(part(step, _PARTS_OF_STEP) for part in (x, y)))
+    order = np.argsort(-lengths.max(axis=0), axis=0, kind="stable")[:_CANDIDATES]
+    s = np.take_along_axis(lengths.argmax(axis=0), order, axis=0) / _PARTS
+    for zoom in range(_ZOOMS):
+        points = np.clip(s + 14.0**-zoom / _PARTS * _PARTS_OF_RANGE, 0.0, 1.0)
+        lengths = np.hypot(x(order, points), y(order, points))
+        s = np.take_along_axis(points, lengths.argmax(axis=0)[np.newaxis], axis=0)[0]
+    best = lengths.max(axis=0).argmax(axis=0), story
+    found = order[best], s[best]
+    return lengths.max(axis=0)[best], found[0] + found[1], x(*found), y(*found)
 
 
 # ---- Resultants of two runs
@@ -276,65 +203,71 @@ def _peak_in_step(
 _OF_HISTORY = ("displacement", "drift", "absolute_acceleration", "shear")
 """Quantities with a resultant between time steps; the names of their peaks begin with `peak_`."""
 
-_NEAR_PEAK = 0.9
-"""Dimensionless. Resultants of additional runs are located near the time steps with a resultant of
-at least this part of its maximum."""
+_NEAR_PEAK = 0.7
+"""Dimensionless. Resultants are located near the time steps with a resultant of at least this part
+of its maximum: the ends of a step of a quarter of a period are at least .71 of the peak."""
 
 
-def _polynomials(history: History, h: float) -> dict[str, Array]:
-    """Return the coefficients of the quantities in `_OF_HISTORY` within each step."""
+def _components(history: History, h: float) -> dict[str, _Component]:
+    """Return the quantities in `_OF_HISTORY` as functions of step and fraction. Gaps of the history
+    are straight lines."""
     relative = history.absolute_acceleration - history.ground_acceleration[:, np.newaxis]
     displacements = quintics(history.displacement, history.velocity, relative, h)
+    gaps = np.diff(history.time) > 1.5 * h
+    displacements[1:, gaps] = 0.0
+    displacements[1, gaps] = np.diff(history.displacement, axis=0)[gaps]
     drifts = np.diff(displacements, axis=2, prepend=0.0)
     return {
-        "displacement": displacements,
-        "drift": drifts,
-        "absolute_acceleration": _accelerations(history, displacements, h),
-        "shear": _shears(history, drifts),
+        "displacement": partial(polynomial, displacements),
+        "drift": partial(polynomial, drifts),
+        "absolute_acceleration": partial(polynomial, _accelerations(history, displacements, h)),
+        "shear": _shear(history, drifts),
     }
 
 
-def resultants_of(responses: Sequence[outcome.Response], rows: int) -> outcome.Resultants:
-    """Return the resultants of the quantities in `_OF_HISTORY` up to a row of the histories.
+def _peaks(histories: Sequence[History], h: float) -> dict[str, tuple[Array, ...]]:
+    """Return the peaks of the resultants of the quantities in `_OF_HISTORY` (`peak_of_vector`)."""
+    # Slopes of forces need two more steps.
+    is_large = np.zeros(len(histories[0].time), dtype=bool)
+    for name in _OF_HISTORY:
+        ends = np.hypot(*(getattr(history, name) for history in histories))
+        is_large |= np.any(ends >= _NEAR_PEAK * ends.max(axis=0), axis=1)
+    kept = np.flatnonzero(np.convolve(is_large, np.ones(5), "same"))
+    parts = [each_array(lambda array: array[kept], history) for history in histories]
+    components = [_components(history, h) for history in parts]
+    peaks = {}
+    for name in _OF_HISTORY:
+        x, y = (part[name] for part in components)
+        length, steps, *both = peak_of_vector(x, y, parts[0].drift[1:].shape)
+        peaks[name] = length, np.interp(steps, np.arange(len(kept)), kept), *both
+    return peaks
+
+
+def resultants_of(
+    responses: Sequence[outcome.Response], histories: Sequence[History]
+) -> outcome.Resultants:
+    """Return the resultants of the quantities in `_OF_HISTORY`.
 
     Parameters
     ----------
     responses : sequence of Response
-        Runs along x and y with equal time steps and histories.
-    rows : int
-        Number of rows of the histories. The peaks in x and y are the peaks of the runs, unless the
-        resultants end before a run.
+        Runs along x and y with equal time steps and the same end.
+    histories : sequence of History
+        Their histories.
     """
     h = responses[0].dt
-    histories = [_history(run, rows) for run in responses]
-    polynomials = [_polynomials(history, h) for history in histories]
-    others, by = _of_additional_runs(responses, rows), factors(parse(responses[0].method))
+    others, by = _of_additional_runs(responses), factors(parse(responses[0].method))
     result = {}
-    for name in _OF_HISTORY:
-        peak = f"peak_{name}"
-        length, steps, x, y = _peaks(name, histories, polynomials)
-        peaks = [
-            getattr(run.stories, peak)
-            if rows == len(_history(run).time)
-            else peak_of_vector(terms[name], np.zeros_like(terms[name]))[0]
-            for run, terms in zip(responses, polynomials, strict=True)
-        ]
+    for name, (length, steps, x, y) in _peaks(histories, h).items():
+        peaks = [getattr(run.stories, f"peak_{name}") for run in responses]
         value = np.clip(length, np.maximum(*peaks), np.hypot(*peaks))
         of_peaks = [
-            np.asarray(getattr(run.check.errors, peak)) if run.check else np.nan * length
+            np.asarray(getattr(run.check.errors, f"peak_{name}")) if run.check else np.nan * length
             for run in responses
         ]
-        # Errors at the time of the resultant, if the histories have errors
-        row = np.rint(steps).astype(np.int64), np.arange(len(steps))
-        at_time = [getattr(history.error, name, None) for history in histories]
-        error = np.hypot(
-            *(
-                of_peak if errors is None else np.maximum(of_peak, np.abs(errors[row]))
-                for of_peak, errors in zip(of_peaks, at_time, strict=True)
-            )
-        )
+        error = np.hypot(*of_peaks)
         if name in others:
-            error = np.maximum(error, extrapolated(value, others[name], value, by))
+            error = np.maximum(error, extrapolated(value, others[name][0], value, by))
         # A resultant that is the peak of one direction has the error of this peak: a component at
         # right angles that is zero changes the length in the second order only.
         of_larger = np.where(peaks[0] >= peaks[1], *of_peaks)
@@ -349,56 +282,23 @@ def resultants_of(responses: Sequence[outcome.Response], rows: int) -> outcome.R
     return outcome.Resultants(**result)
 
 
-def _peaks(
-    name: str, histories: Sequence[History], polynomials: Sequence[dict[str, Array]]
-) -> tuple[Array, Array, Array, Array]:
-    """Return the peaks of the resultant of a quantity in `_OF_HISTORY` (`peak_of_vector`)."""
-    if name == "shear":
-        return _peaks_of_shears(histories, polynomials)
-    return peak_of_vector(*(terms[name] for terms in polynomials))
-
-
-def _of_additional_runs(responses: Sequence[outcome.Response], rows: int) -> dict[str, Array]:
-    """Return the peaks of the resultants of the additional runs up to a row of the histories, by
-    the names of the quantities; empty without the histories of these runs."""
-    histories = [run.check.history if run.check else None for run in responses]
-    steps = [run.check.time_steps[0] for run in responses if run.check and run.check.time_steps]
-    if None in histories or len(steps) < 2:
+def _of_additional_runs(responses: Sequence[outcome.Response]) -> dict[str, tuple[Array, ...]]:
+    """Return the peaks of the resultants of the additional runs up to the end of the runs
+    (`_peaks`); empty without the histories of these runs."""
+    runs = [
+        (run.check.history, run.check.time_steps[0])
+        for run in responses
+        if run.check and run.check.history and run.check.time_steps
+    ]
+    if len(runs) < 2:
         return {}
-    h = max(steps)
-    count = (rows - 1) * round(responses[0].dt / h) + 1
+    h = max(step for _, step in runs)
+    count = responses[0].steps * round(responses[0].dt / h) + 1
     parts = [
         each_array(lambda array: array[:count], history.every(round(h / step)))
-        for history, step in zip(histories, steps, strict=True)
-        if history is not None
+        for history, step in runs
     ]
-    if any(len(history.time) < count for history in parts):
-        return {}
-    # The peaks are near large values at the time steps. Slopes of forces need two more steps.
-    is_large = np.zeros(count, dtype=bool)
-    for name in _OF_HISTORY:
-        ends = np.hypot(*(getattr(history, name) for history in parts))
-        is_large |= np.any(ends >= _NEAR_PEAK * ends.max(axis=0), axis=1)
-    kept = np.flatnonzero(np.convolve(is_large, np.ones(5), "same"))
-    parts = [each_array(lambda array: array[kept], history) for history in parts]
-    polynomials = [_polynomials(history, h) for history in parts]
-    gaps = np.diff(kept) > 1
-    for history, terms in zip(parts, polynomials, strict=True):
-        for name, values in terms.items():  # a straight line is nowhere larger than at its ends
-            values[:, gaps] = lines(getattr(history, name), len(values))[:, gaps]
-    return {name: _peaks(name, parts, polynomials)[0] for name in _OF_HISTORY}
-
-
-def histories_of(response: outcome.Response) -> list[History]:
-    """Return the kept histories along x and y, up to the end of the combined run."""
-    return [_history(run, response.steps + 1) for run in response.directions]
-
-
-def _history(response: outcome.Response, rows: int | None = None) -> History:
-    """Return the first rows of the kept history of a run."""
-    assert response.history is not None
-    history: History = each_array(lambda array: array[:rows], response.history)
-    return history
+    return _peaks(parts, h) if all(len(history.time) == count for history in parts) else {}
 
 
 def _combined(
@@ -432,17 +332,16 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
     # Both runs end at a collapse that ends a run; the status is that of the first collapse.
     collapses = [run.collapse for run in responses if run.collapse]
     collapse = min(collapses, key=lambda item: item.time, default=None)
-    rows = min(len(_history(run).time) for run in responses)
-    resultants = resultants_of(responses, rows)
+    histories = [run.history for run in responses if run.history]
+    resultants = resultants_of(responses, histories)
     heights = x.stories.height
     values = {f"peak_{name}": getattr(resultants, name).value for name in _OF_HISTORY}
     for name in ("velocity", "total_shear"):
         peak = f"peak_{name}"
-        at_steps = (getattr(_history(run, rows), name) for run in responses)
-        values[peak] = np.hypot(*at_steps).max(axis=0)
-        if rows == len(_history(x).time):
-            larger = np.maximum(*(getattr(run.stories, peak) for run in responses))
-            values[peak] = np.maximum(values[peak], larger)
+        at_steps = np.hypot(*(getattr(history, name) for history in histories)).max(axis=0)
+        values[peak] = np.maximum.reduce(
+            [at_steps, *(getattr(run.stories, peak) for run in responses)]
+        )
     larger = record is not None and record.larger
     values = _combined(x.stories, y.stories, values, heights, larger)
     stories = replace(x.stories, **values)
@@ -463,7 +362,6 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
         x,
         record=record,
         status=collapse.status if collapse else "done",
-        steps=rows - 1,
         **{
             name: getattr(x, name) + getattr(y, name)
             for name in ("iterations", "substeps", "branch_changes", "solver_time")
@@ -479,29 +377,12 @@ def combined(responses: Sequence[outcome.Response], record: PairRecord | None) -
         collapse=collapse,
         check=check,
         growth=max(x.growth, y.growth),
-        devices=_larger_devices(x.devices, y.devices),
+        devices=x.devices and x.devices.larger(y.devices),
         elements=None,
         flexure=None,
         directions=(x, y),
         resultants=resultants,
     )
-
-
-_ENERGIES = ("dissipated_energy", "dissipated_energy_error")
-"""Quantities of attachments and links that are sums over both directions."""
-
-
-def _larger_devices(
-    x: outcome.DevicePeaks | None, y: outcome.DevicePeaks | None
-) -> outcome.DevicePeaks | None:
-    """Return the larger peaks of attachments and links, which act in both directions separately,
-    and the sums of their energies; None unless both directions have the same ones."""
-    if x is None or y is None or (x.attachments, x.links) != (y.attachments, y.links):
-        return None
-    # A fracture is reported with its direction; errors can be unknown in one direction.
-    larger: outcome.DevicePeaks = each_array(lambda *values: np.fmax(*np.abs(values)), x, y)
-    sums = {name: each_array(add, getattr(x, name), getattr(y, name)) for name in _ENERGIES}
-    return replace(larger, fracture_time=None, fracture_drift=None, **sums)
 
 
 def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
@@ -512,83 +393,3 @@ def _texts(x: Sequence[str], y: Sequence[str]) -> tuple[str, ...]:
         *(f"x: {text}" for text in x if text not in common),
         *(f"y: {text}" for text in y if text not in common),
     )
-
-
-# ---- Runs
-
-
-def integrate_directions(
-    case: Case,
-    settings: RunSettings,
-    integrate: Callable[..., outcome.Response],
-    *,
-    tolerance: float | None = None,
-    keep: bool = True,
-) -> outcome.Response:
-    """Integrate a case in both directions and return the combined response (`combined`).
-
-    `integrate` is the function that integrates a case in a direction, with the arguments of
-    `tdint.response.runs.run.integrate_case`.
-
-    With a tolerance, both directions have the smaller of their time steps. A run with another end
-    is repeated up to the common end. The histories of the directions are kept if `keep`.
-
-    Raises
-    ------
-    FailedRun
-        A direction failed.
-    """
-    _check_durations(case, settings)
-    run = partial(integrate, history=True, history_errors=settings.check)
-    responses = [run(part, settings, tolerance=tolerance) for part in case.directions]
-    # The building is at rest if both directions are; the second may be run again below.
-    rests = [response.time_at_rest for response in responses]
-
-    def completed(
-        settings: RunSettings, is_right: Callable[[outcome.Response], bool]
-    ) -> list[outcome.Response]:
-        """Return the runs, of which those that are not right are repeated with the settings."""
-        return [
-            response if is_right(response) else run(part, settings)
-            for part, response in zip(case.directions, responses, strict=True)
-        ]
-
-    h = min(response.dt for response in responses)
-    note: tuple[str, ...] = ()
-    if any(response.dt != h for response in responses):
-        note = (f"both directions have the time step {h:.6g} s, the smaller of their steps",)
-    settings = replace(settings, dt=h)
-    responses = completed(settings, lambda response: response.dt == h)
-    # Both directions end together: at the first collapse that ends a run, or at the later end.
-    ended = [item.steps for item in responses if item.collapse and item.collapse.ended]
-    steps = min(ended) if ended else max(response.steps for response in responses)
-    end = replace(settings, duration=steps * h, until_rest=False)
-    responses = completed(end, lambda response: response.steps == steps)
-    record = case.record if isinstance(case.record, PairRecord) else None
-    response = combined(responses, record)
-    responses = [without_additional_history(part) for part in responses]
-    if not keep:
-        responses = [replace(part, history=None, history_chunks=None) for part in responses]
-    at_rest = None if None in rests else max(time for time in rests if time is not None)
-    return replace(
-        response,
-        directions=tuple(responses),
-        time_at_rest=None if response.collapse else at_rest,
-        notes=(*response.notes, *note, LIMITS_OF_METHOD),
-    )
-
-
-def _check_durations(case: Case, settings: RunSettings) -> None:
-    """Raise UsageError if the components have different durations, and the run does not end before
-    both."""
-    record = case.record
-    if not isinstance(record, PairRecord):
-        return
-    durations = [component.duration for component in record.components]
-    end = settings.duration or case.model.analysis.duration or math.inf
-    if abs(durations[0] - durations[1]) > 0.5 * record.dt and end > min(durations):
-        raise UsageError(
-            f"{record.source}: the components of x and y last {durations[0]:.6g} and "
-            f"{durations[1]:.6g} s; trim or pad them to the same duration, or end the run before "
-            "both with a duration"
-        )
