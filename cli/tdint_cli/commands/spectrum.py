@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
 
+from tdint.arrays import Array
 from tdint.errors import OutputError, RecordError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
 from tdint.grids import Grid
@@ -36,9 +37,6 @@ from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from tdint.ground_motion.horizontals import PairNames
     from tdint.ground_motion.record import Record
     from tdint.output.figures.style import Figure
@@ -160,7 +158,7 @@ class TablesRequest(RecordsRequest):
             | {"periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)}
         )
 
-    def chosen_periods(self) -> NDArray[np.float64]:
+    def chosen_periods(self) -> Array:
         """Return the requested or the default periods of the spectra, s, as an array."""
         return options.spectra.chosen_periods(self.periods, self.DEFAULT_PERIODS)
 

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.load_or_compile import load_or_compile
@@ -111,7 +111,7 @@ def _second_half(history: History, values: Array) -> float:
     `values` contains the values at the initial time and at the end of each time step.
     """
     steps = len(history.time) - 1
-    return float(np.max(np.abs(values[steps // 2 + 1 :])))
+    return max_absolute(values[steps // 2 + 1 :])
 
 
 def _kinetic(history: History, masses: tuple[float, ...]) -> Array:
@@ -155,7 +155,7 @@ def _hardening() -> HardProblem:
     def error(history: History) -> float:
         """Return the maximum displacement error divided by the amplitude."""
         errors = history.displacement[:, 0] - hardening_motion(history.time)
-        return float(np.max(np.abs(errors))) / _HARDENING_AMPLITUDE
+        return max_absolute(errors) / _HARDENING_AMPLITUDE
 
     return HardProblem(
         name="hardening",
@@ -233,7 +233,7 @@ def _softening() -> HardProblem:
         """Return the maximum displacement error divided by the amplitude."""
         dt, steps = float(history.time[1]), len(history.time) - 1
         reference = softening_motion(dt, steps)
-        return float(np.max(np.abs(history.displacement[:, 0] - reference))) / _SOFTENING_AMPLITUDE
+        return max_absolute(history.displacement[:, 0] - reference) / _SOFTENING_AMPLITUDE
 
     return HardProblem(
         name="softening",
@@ -294,7 +294,7 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
 
     def displacement_error(history: History) -> float:
         """Return the maximum error of the displacement of floor 2, m."""
-        return float(np.max(np.abs(history.displacement[:, 1] - soft_node_motion(history.time))))
+        return max_absolute(history.displacement[:, 1] - soft_node_motion(history.time))
 
     # The exact energy is the energy for infinite stiffness. Its maximum is computed from a dense
     # sample of times.

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import ellipj, ellipk
 
 from tdint.arrays import Array as Array
+from tdint.arrays import max_absolute
 from tdint.ground_motion.reading.read import make_record
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
@@ -261,7 +262,7 @@ def _energy_conservation() -> Array:
     # 100 u + 1000 u^3.
     u, v = history.displacement[:, 0], history.velocity[:, 0]
     energy = 0.5 * v**2 + 50.0 * u**2 + 250.0 * u**4
-    return np.array([np.max(np.abs(energy / energy[0] - 1.0))])
+    return np.array([max_absolute(energy / energy[0] - 1.0)])
 
 
 def _bilinear_loop() -> Array:

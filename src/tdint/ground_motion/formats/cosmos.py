@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizer
 from tdint.ground_motion.formats.series import (
@@ -106,7 +106,7 @@ def read_cosmos(lines: Lines) -> list[Series]:
     header += [lines.take() for _ in range(int(_read_announcement(_COMMENTS, lines)[1]))]
     series: list[Series] = []
     peaks: dict[str, float | None] = {}  # peak velocity and displacement in SI units
-    other_blocks: list[tuple[NDArray[np.float64], re.Match[str]]] = []
+    other_blocks: list[tuple[Array, re.Match[str]]] = []
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         samples = lines.numbers(int(block[1]), _width(line))
@@ -165,7 +165,7 @@ def _width(line: str) -> int | None:
 
 
 def _series(
-    samples: NDArray[np.float64],
+    samples: Array,
     block: re.Match[str],
     header: Header,
     integers: list[float],

@@ -14,8 +14,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import numpy as np
-
+from tdint.arrays import max_absolute
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import (
     COUNT,
@@ -244,7 +243,7 @@ def _volume_2(lines: Lines, header: Header) -> Series:
             continue
         block, samples = blocks[word]
         if stated := header.field(_OTHER_PEAK[word]):
-            peak = float(np.max(np.abs(samples), initial=0.0))
+            peak = max_absolute(samples)
             rounding, name = last_place(stated) + 1e-9 * peak, f"{PEAK} {quantity}"
             compare([Statement(name, abs(float(stated)), peak, rounding, block[4], measured=True)])
         peaks[quantity] = largest_value(samples, block[4], quantity)

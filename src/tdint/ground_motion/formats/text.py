@@ -31,8 +31,8 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.formats.header_statements import (
@@ -363,7 +363,7 @@ def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
 # ---- Numbers around the samples
 
 
-def _columns(numbers: Numbers, kind: str) -> list[NDArray[np.float64]]:
+def _columns(numbers: Numbers, kind: str) -> list[Array]:
     """Return the columns of a table by its layout; rows of samples are one column."""
     if kind in ("single", "rows"):
         return [numbers.values]

@@ -11,9 +11,7 @@ from __future__ import annotations
 import re
 import warnings
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats import series
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizer, row_of_numbers
@@ -127,7 +125,7 @@ def _values_of_channels(pattern: re.Pattern[str], header: series.Header) -> list
     return [value.strip() for value in values if value.strip()]
 
 
-def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
+def _skip_repeated_rows(lines: Lines, columns: Array) -> None:
     """Skip rows at the end of a file that repeat the last row stated in the header, with a warning.
     Published files repeat the last row, although the header does not count these rows.
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
 from tdint.number_parsing import table_number
 from tdint.output.figures.loads import active_interval, draw_loads
 from tdint.output.figures.style import (
@@ -134,7 +134,7 @@ def _show_strong_motion(roof: Any, energies: Any, record: Record, history: Histo
     displacement = history.displacement[:, -1]
     firsts, lasts = [], []
     for values, rest in ((ground, 0.0), (displacement, displacement[-1])):
-        limit = _STRONG * (np.max(np.abs(values)) or math.inf)
+        limit = _STRONG * (max_absolute(values) or math.inf)
         firsts += history.time[np.abs(values - values[0]) >= limit][:1].tolist()
         lasts += history.time[np.abs(values - rest) >= limit][-1:].tolist()
     start, end = history.time[0], history.time[-1]
@@ -171,7 +171,7 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
     # After a collapse, the run ends before the record, and the peak ground acceleration can be
     # later than the end of the figure.
     pga = units.of(record.pga, "m/s^2")
-    shown_peak = float(np.max(np.abs(motion)))
+    shown_peak = max_absolute(motion)
     later = f", PGA {_short(pga)} {unit} later" if pga > shown_peak * (1.0 + _ROUNDING) else ""
     _mark_peak(axes, time, motion, shown_peak, unit, later)
 
@@ -227,7 +227,7 @@ def _draw_roof(axes: Any, response: Response, history: History, units: OutputUni
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
     if history.error is not None:
         error = np.abs(units.of(history.error.displacement[:, -1], "m"))
-        if np.any(error > _MIN_BAND * np.max(np.abs(roof))):
+        if np.any(error > _MIN_BAND * max_absolute(roof)):
             band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
             axes.fill_between(history.time, roof - error, roof + error, **band)
     if (collapse := response.collapse) is not None:
@@ -247,7 +247,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     """
     energy = history.energy
     total_input = response.energy.initial + energy.input
-    factor, unit = scaled_unit(float(np.max(np.abs(total_input))), "J", units)
+    factor, unit = scaled_unit(max_absolute(total_input), "J", units)
     layers = (
         (energy.hysteretic, "dissipated by stories", "0.35", None),
         (energy.viscous, "damping", "0.62", None),
@@ -258,7 +258,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     )
     bottom = np.zeros(len(total_input))
     for values, label, gray, hatch in layers:
-        if np.max(np.abs(values)) <= _MIN_ENERGY * np.max(np.abs(total_input)):
+        if max_absolute(values) <= _MIN_ENERGY * max_absolute(total_input):
             continue
         top = bottom + factor * values
         axes.fill_between(
@@ -410,7 +410,7 @@ def _draw_loop(
         # their drifts show this curve; in the order of time, long lines would connect them.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
-    factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
+    factor, unit = scaled_unit(max_absolute(shear), "N", units)
     axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
     # The forces of the elements of the story are plotted below its loop.
     elements, element_force = response.elements, history.element_force
@@ -467,7 +467,7 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
         # After a collapse, the run ends before the record.
         count = math.ceil(response.steps * response.dt / response.record.dt) + 1
         samples = response.record.acceleration[:count]
-        ground = units.of(float(np.max(np.abs(samples))), "m/s^2")
+        ground = units.of(max_absolute(samples), "m/s^2")
     plot_style = {
         "color": INK,
         "linewidth": 1.2,

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.style import (
@@ -97,7 +97,7 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     test : CyclicTest
         Cyclic test of the story. If it exceeds the yield drift, the yield drift is marked.
     """
-    factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
+    factor, unit = scaled_unit(max_absolute(test.path.shear), "N", units)
     drift = units.of(test.path.drift, "m")
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
@@ -151,7 +151,7 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     axes : Axes
         The panel. If the model has heights, an axis of the roof drift ratio is added on top.
     """
-    factor, unit = scaled_unit(float(np.max(np.abs(result.applied_force))), "N", units)
+    factor, unit = scaled_unit(max_absolute(result.applied_force), "N", units)
     roof, shear = units.of(result.roof_displacement, "m"), result.applied_force * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(roof, shear, color=COLORS[0])
@@ -186,7 +186,7 @@ def run_and_pushover_picture(history: History, pushed: Pushover, units: OutputUn
     scale, label = 1.0 / units.unit("m")[1], f"roof displacement ({units.label('m')})"
     if not math.isnan(height):
         scale, label = 100.0 / height, "roof drift ratio (%)"
-    largest = max(float(np.max(np.abs(values))) for values in (shear, pushed.base_shear))
+    largest = max(max_absolute(values) for values in (shear, pushed.base_shear))
     factor, unit = scaled_unit(largest, "N", units)
     axes.plot(scale * roof, factor * shear, color=LIGHT, linewidth=0.8, label="run")
     # The pushover has the sign of the larger side of the run.
@@ -220,7 +220,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
         figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
     )
     draw_curve(curve, pushed, units)
-    factor, _ = scaled_unit(float(np.max(np.abs(pushed.applied_force))), "N", units)
+    factor, _ = scaled_unit(max_absolute(pushed.applied_force), "N", units)
     for i, result in enumerate(results):
         plot_style = line_style(i + 1) | {"label": result.method}
         corners = [0.0, result.yield_displacement, result.roof_displacement]
