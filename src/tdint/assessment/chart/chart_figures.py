@@ -18,6 +18,8 @@ from tdint.output.figures.style import (
     add_legend,
     is_narrow,
     method_styles,
+    new_axes,
+    new_figure,
     plain_minor_numbers,
     plain_numbers,
     titled,
@@ -153,7 +155,7 @@ def sizes_picture(
     highlight : str
         Method with a thick line in front of the other lines; empty by default.
     """
-    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+    figure = new_figure(7.5, 4.6)
     cost, accuracy = figure.subplots(1, 2)
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
     drawings = [_Drawing(chart, target) for chart in charts]
@@ -300,8 +302,7 @@ def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     """Return the figure of the costs of the methods over their errors, with the gray band."""
     # In one column, the explanation is the title of the legend, and the panel is higher.
     narrow = is_narrow()
-    figure = Figure(figsize=(7.5, _HIGH if narrow else 5.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, _HIGH if narrow else 5.6)
     front = drawing.front()
     (band,) = axes.plot(
         *_columns(drawing, front),
@@ -416,8 +417,7 @@ def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     `highlight` is the method with a thick line in front of the other lines; empty for no such
     method.
     """
-    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 5.6)
     handles, labels = [], []
     styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
@@ -464,7 +464,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
     tolerances = sorted({profile.tolerance for profile in profiles}, reverse=True)
     narrow = is_narrow()
-    figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
+    figure = new_figure(7.5, 9.0 if narrow else 5.4)
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     plot_styles = method_styles(chart.lines, highlight)
     handles: dict[str, Any] = {}

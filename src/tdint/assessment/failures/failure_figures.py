@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from tdint.assessment.chart.chart_figures import CHART_FOOT
 from tdint.errors import UsageError
 from tdint.output.figures import style
+from tdint.output.figures.style import new_figure
 from tdint.output.printed import PRINTED
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     for part in panel_headings:
         height += _LINE + _LETTER_WIDTH * max(map(len, part)) + size.row_height * len(methods)
     height += 1.7 if narrow else 1.13  # title and legend
-    figure = Figure(figsize=(size.width, height), layout="constrained")
+    figure = new_figure(size.width, height)
     panels = figure.subplots(len(panel_headings), 1, squeeze=False)[:, 0]
     # Each trial has a cell; text in a hatched cell has a plain background.
     text_style: dict[str, Any] = {

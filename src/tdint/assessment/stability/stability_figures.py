@@ -18,6 +18,8 @@ from tdint.output.figures.style import (
     LIGHT,
     add_legend,
     method_styles,
+    new_axes,
+    new_figure,
     plain_numbers,
     titled,
 )
@@ -46,7 +48,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         True to add a panel of the growth per time step around omega dt = sqrt(12), on a logarithmic
         scale.
     """
-    figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
+    figure = new_figure(7.5, 8.6 if band else 6.4)
     grid = figure.add_gridspec(3 if band else 2, 2)
     radius, *others = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
     styles = _curve_styles(curves)
@@ -90,7 +92,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     motions : sequence of Overshoot
         First time steps of each method, start and damping ratio; at least one.
     """
-    figure = Figure(figsize=(7.5, 6.4), layout="constrained")
+    figure = new_figure(7.5, 6.4)
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     dampings = list(dict.fromkeys(motion.damping for motion in motions))
@@ -189,8 +191,7 @@ def accuracy_picture(
     thin : int
         Number of curves at the end that have thin lines; 0 by default.
     """
-    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 4.6)
     lines = _draw_quantity(axes, curves, quantity, thinned(_curve_styles(curves), thin))
     add_legend(figure, lines, _curve_labels(curves))
     return titled(figure, title)
@@ -297,7 +298,7 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
 
 def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     """Plot observed order and error at the smallest time step over the frequency ratio."""
-    figure = Figure(figsize=(7.5, 6.6), layout="constrained")
+    figure = new_figure(7.5, 6.6)
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
     lines = []
@@ -330,8 +331,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     Markers show the orders of displacement, velocity, acceleration and algorithmic acceleration. A
     row without order (the errors are rounding errors) has a text instead.
     """
-    figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 1.9 + 0.24 * len(measured))
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -383,7 +383,7 @@ def example_picture(
         Key of the exact solution in `tdint.assessment.examples.paper_examples.REFERENCES`.
     """
     runs = [run for run in runs if run.outcome == "done" and not run.variant]
-    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
+    figure = new_figure(7.5, 3.8)
     history_axes, close_up_axes = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     time = runs[0].motion.time
     exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
@@ -448,8 +448,7 @@ def row_picture(title: str, model: Model) -> Figure:
     count = len(model.stories)
     is_cut = count > 2 * _SHOWN
     shown = [*range(_SHOWN), *range(count - _SHOWN, count)] if is_cut else list(range(count))
-    figure = Figure(figsize=(7.5, 2.9), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 2.9)
     # Three dots have the width of a mass. `is_cut` (True) counts as 1.
     axes.set(xlim=(-0.15, len(shown) + is_cut + 0.5), ylim=(-0.85, 0.95), aspect="equal")
     axes.axis("off")

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.arrays import Array, max_absolute
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, scaled_unit, titled
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, new_axes, scaled_unit, titled
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -25,8 +25,7 @@ sides divided by this time, and the fraction of the peak below which a load is n
 
 def load_picture(model: Model, end: float, units: OutputUnits = SI) -> Figure:
     """Plot the forces from tables over the time of a run."""
-    figure = Figure(figsize=(8.0, 3.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = new_axes(8.0, 3.0)
     draw_loads(axes, model.excitation, end, units.in_figures)
     axes.set_xlabel("time (s)")
     floors = sorted({force.floor for force in model.excitation.tables})

@@ -22,11 +22,13 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     MAX_HEIGHT,
+    ZERO,
     changed,
     drift_scale,
     is_narrow,
     line_style,
     motion_name,
+    new_figure,
     over_stories,
     scaled_unit,
     titled,
@@ -76,7 +78,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     units, history = units.in_figures, response.history
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if history is None:
-        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+        figure = new_figure(7.0, 4.2)
         draw_profiles(figure.subplots(1, 3), response, units)
         return titled(figure, title)
     narrow = is_narrow()
@@ -87,7 +89,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     # In a narrow figure, the devices and the profiles need two rows each.
     height = (13.0 if narrow else 9.4) + 1.3 * more + (4.0 if narrow else 2.0) * has_devices
     height = height if narrow else min(height, MAX_HEIGHT)
-    figure = Figure(figsize=(8.0, height), layout="constrained")
+    figure = new_figure(8.0, height)
     devices = (3.6 if narrow else 1.9,) * has_devices
     ratios = (*(1.2,) * (1 + more), 1.5, 1.7, *devices, 4.8 if narrow else 3.4)
     grid = figure.add_gridspec(len(ratios), 1, height_ratios=ratios)
@@ -362,7 +364,7 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
     """
     history, units = response.history, units.in_figures
     assert history is not None
-    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    figure = new_figure(8.0, 3.4)
     _draw_loop(figure.add_subplot(), response, history, story - 1, units)
     drift = units.text(float(response.stories.peak_drift[story - 1]), "m")
     return titled(figure, f"{response.model.name}: story {story}, maximum drift {drift}")
@@ -427,8 +429,8 @@ def _draw_loop(
             )
         if axes.get_legend_handles_labels()[1]:
             axes.legend()
-    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
-    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axhline(0.0, **ZERO)
+    axes.axvline(0.0, **ZERO)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
@@ -623,7 +625,7 @@ def plan_picture(response: Response, units: OutputUnits = SI) -> Figure:
         Result of a run in two directions with its histories.
     """
     units = units.in_figures
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = new_figure(8.0, 4.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.3))
     stories = response.stories
     ratios = stories.peak_drift_ratio

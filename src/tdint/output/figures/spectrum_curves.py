@@ -31,6 +31,8 @@ from tdint.output.figures.style import (
     line_style,
     mark_first_periods,
     motion_name,
+    new_axes,
+    new_figure,
     plain_minor_numbers,
     plain_numbers,
     record_name,
@@ -88,7 +90,7 @@ def draw_over_periods(
     variants = [result.damping for result in results] if variants is None else variants
     suite = is_suite(results)
     titles = list(dict.fromkeys(columns)) if columns is not None and not suite else [""]
-    figure = Figure(figsize=(7.5 if len(titles) == 1 else 8.5, 7.8), layout="constrained")
+    figure = new_figure(7.5 if len(titles) == 1 else 8.5, 7.8)
     rows = figure.subplots(
         len(panels),
         len(titles),
@@ -330,8 +332,7 @@ def draw_tripartite(
 
     Displacement and pseudo-acceleration are scales along diagonal lines.
     """
-    figure = Figure(figsize=(7.5, 6.2), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 6.2)
     curves = _curves(spectra, labels)
     for curve, _, style in curves:
         indices = _positive(curve)
@@ -423,8 +424,7 @@ def _label_scale(
 
 def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
     """Plot pseudo-acceleration over displacement (ADRS); rays from the origin mark periods."""
-    figure = Figure(figsize=(7.0, 6.4), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.0, 6.4)
     curves = _curves(spectra, labels)
     for curve, _, style in curves:
         order = np.argsort(curve.periods, kind="stable")
@@ -523,8 +523,7 @@ def low_picture(
     periods : sequence of (str, float)
         Names and first periods of buildings, s, which are marked; none by default.
     """
-    figure = Figure(figsize=(8.0, 2.5), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(8.0, 2.5)
     units = units.in_figures
     if is_suite(spectra):
         panel = _elastic_panels(units)[0]
@@ -812,7 +811,7 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
 def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
     """Plot a target spectrum: pseudo-acceleration and displacement over the period."""
     units = units.in_figures
-    figure = Figure(figsize=(7.5, 7.2), layout="constrained")
+    figure = new_figure(7.5, 7.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     _add_target(figure, target, units, legend=False)
     upper.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")

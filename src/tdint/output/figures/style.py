@@ -69,6 +69,8 @@ INK = "#1f4e79"
 LIGHT = "0.55"
 MARK = "#b03a2e"
 """Colors of a single line, of secondary lines, and of highlighted parts."""
+ZERO: dict[str, Any] = {"color": LIGHT, "linewidth": 0.6}
+"""Style of the lines through zero."""
 
 # In black and white, lines are distinguished by dashes and markers.
 COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
@@ -633,6 +635,17 @@ def _thin(axis: Any) -> bool:
     else:
         axis.set_major_locator(FixedLocator(axis.get_majorticklocs()[::2]))
     return True
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure, whose size is given in inches and whose panels do not overlap."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def new_axes(width: float, height: float) -> tuple[Figure, Any]:
+    """Return a figure (`new_figure`) and its only panel."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots()
 
 
 def titled(figure: Figure, title: str) -> Figure:
