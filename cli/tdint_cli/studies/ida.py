@@ -12,11 +12,11 @@ import click
 
 from tdint import studies
 from tdint.errors import UsageError
-from tdint.files import check_outputs, is_there, settle, write_files
+from tdint.files import Content, check_outputs, is_there, settle, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.system import processors
-from tdint.units import GROUND_MOTION
+from tdint.units import GROUND_MOTION, OutputUnits, Units
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.option_types import (
@@ -32,13 +32,11 @@ from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.arrays import Array
-    from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.studies.ida.collapse_margin import Acceptance, CollapseMargin
     from tdint.studies.ida.ida import IdaSettings, IdaStudy
     from tdint.studies.ida.ida_curve import Mainshock
     from tdint.studies.motions.intensity import IntensityMeasure
-    from tdint.units import OutputUnits, Units
 
 MARGIN = "margin.csv"
 RUNS, CAPACITIES, FRACTILES = "ida.csv", "capacities.csv", "fractiles.csv"

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array, max_absolute
+from tdint.ground_motion.record import Record
 from tdint.number_parsing import table_number
 from tdint.output.figures.loads import active_interval, draw_loads
 from tdint.output.figures.style import (
@@ -34,15 +35,10 @@ from tdint.output.figures.style import (
     titled,
     write_note,
 )
+from tdint.response.runs.history import History
 from tdint.response.runs.outcome import Response
 from tdint.response.runs.two_directions import histories_of
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.ground_motion.record import Record
-    from tdint.response.runs.history import History
-    from tdint.response.runs.outcome import Response
-
 
 # Parts that would be too small to be visible are omitted from the figures.
 _MIN_COLLAPSE_FRACTION = 0.4
