@@ -11,6 +11,7 @@ from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
 from tdint.ground_motion.record import Record
+from tdint.number_parsing import any_case
 
 _UNKNOWN_UNTIL = "1970-01-02"
 """MiniSEED files without a known time start in 1970."""
@@ -37,7 +38,7 @@ _CLOCK = (
 )
 _NAME_OF_MONTH = r"(?P<month>(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*)\.?"
 _DATES = tuple(
-    re.compile(rf"(?<![\d.]){date}(?!\d){_CLOCK}", re.IGNORECASE)
+    any_case(rf"(?<![\d.]){date}(?!\d){_CLOCK}")
     for date in (
         r"(?P<year>\d{4})[-/](?P<month>\d{1,2})[-/](?P<day>\d{1,2})",
         r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4}|\d\d)",

@@ -17,15 +17,15 @@ from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.events import is_same_event, parse_event
 from tdint.ground_motion.record import Record, component_names
-from tdint.number_parsing import abbreviate
+from tdint.number_parsing import abbreviate, any_case
 
-_VERTICAL = re.compile(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
-_WITH_LOCATION = re.compile(r"([A-Z][GHLN][ENZ12])\d\d", re.IGNORECASE)
+_VERTICAL = any_case(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z")
+_WITH_LOCATION = any_case(r"([A-Z][GHLN][ENZ12])\d\d")
 """Pattern of a SEED channel code followed by the location code, as in files of NGA-East (BHZ00)."""
 _AZIMUTH = re.compile(r"\d{1,3}")
-_QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
-_NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)
-_EAST = re.compile(r"E-?W\d?|([A-Z]{2})?E", re.IGNORECASE)
+_QUADRANT = any_case(r"([NS])(\d{1,2})([EW])")
+_NORTH = any_case(r"N-?S\d?|([A-Z]{2})?N")
+_EAST = any_case(r"E-?W\d?|([A-Z]{2})?E")
 _MIN_AZIMUTH = 4  # degrees; the component names 1, 2 and 3 are channel numbers
 _PERPENDICULAR_AXES = ({"1", "2"}, {"X", "Y"}, {"R", "T"}, {"N", "P"})
 """Last characters of the names of two perpendicular components, for example HN1 and HN2, radial and
@@ -330,20 +330,17 @@ def at_right_angles(component: str, other: str) -> bool:
 
 # ---- Grouping of files into pairs of horizontal components, by usual or user-specified names
 
-_KNET = re.compile(r"\.(?P<component>EW|NS|UD)(?=\d?$)", re.IGNORECASE)
-_NGA_EAST = re.compile(
-    rf"(?<![A-Z0-9])(?P<component>{_WITH_LOCATION.pattern})(?=\.AT2$)", re.IGNORECASE
-)
-_PEER = re.compile(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
-_SEED = re.compile(r"(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])", re.IGNORECASE)
-_ENDING = re.compile(
+_KNET = any_case(r"\.(?P<component>EW|NS|UD)(?=\d?$)")
+_NGA_EAST = any_case(rf"(?<![A-Z0-9])(?P<component>{_WITH_LOCATION.pattern})(?=\.AT2$)")
+_PEER = any_case(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)")
+_SEED = any_case(r"(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])")
+_ENDING = any_case(
     r"(?:(?<=[-_])|(?<=\.)(?=\w+\.))"
     r"(?P<component>(?:NS|EW|UD)[12]?|SN|WE|UP|DN|VERT?|FN|FP|H[12]|[NEZXYRT])"
-    r"(?=(?:\.[A-Z]\w*){0,2}$)",
-    re.IGNORECASE,
+    r"(?=(?:\.[A-Z]\w*){0,2}$)"
 )
-_DIRECTION = re.compile(
-    r"[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)", re.IGNORECASE
+_DIRECTION = any_case(
+    r"[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)"
 )
 """Direction in degrees at the end of a file name of any format. A number is not necessarily a
 component (R001.csv), so this pattern counts only for two files at right angles."""

@@ -15,15 +15,15 @@ from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats import series
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizer, row_of_numbers
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import any_case, pluralize
 
 _TITLE = r"^\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N"
-_DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
+_DATA = any_case(r"\s*DATOS DE ACELERACI[OÓ]N")
 _RULER = re.compile(r"[-+]{20,}\s*")
 _STATION = r"^\s*CLAVE DE LA ESTACI[OÓ]N\s*:\s*(\S+)"
 _UNITS = r"^\s*UNIDADES DE LOS DATOS\s*:\s*([A-Z/^0-9]+)"
 _STEPS, _COUNTS, _PEAKS, _NAMES = (
-    re.compile(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)", re.IGNORECASE)
+    any_case(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)")
     for key in (
         "INTERVALO DE MUESTREO",
         r"NUM\. TOTAL DE MUESTRAS",

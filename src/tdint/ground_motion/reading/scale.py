@@ -28,6 +28,7 @@ from tdint.arrays import Array, max_absolute
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.missing import IncompleteRecord, Missing, likely_units
 from tdint.ground_motion.record import UNITS_BY_LOCATION
+from tdint.number_parsing import any_case
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _SPECIFY_COUNT_OR_RESPONSE = (
@@ -454,13 +455,11 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     raise IncompleteRecord(f"{label}: {problem}", Missing(units=likely))
 
 
-_PROCESSED = re.compile(r"\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b", re.IGNORECASE)
+_PROCESSED = any_case(r"\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b")
 """Part of the names of processed files of ESM and ITACA, in cm/s^2, cm/s or cm: the quantity, and
 the type of processing (manual, converted or automatic)."""
 
-_WORDS = re.compile(
-    r"(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])", re.IGNORECASE
-)
+_WORDS = any_case(r"(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])")
 """Abbreviations of velocity and displacement in the name of a file."""
 
 _MAX_VELOCITY, _MAX_DISPLACEMENT = 10.0, 30.0
