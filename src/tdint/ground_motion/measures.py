@@ -502,9 +502,7 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
         """Return the integral of |x| over the accelerations x from 0 to `value` that reach the
         threshold, m^2/s^4."""
         size = np.abs(value)
-        return np.asarray(
-            np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
-        )
+        return np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
 
     def sum_of_means(a: Array, b: Array) -> float:
         """Return the sum of the mean counted absolute accelerations of sampling intervals."""
@@ -558,7 +556,7 @@ def a95(record: Record) -> float:
         # or 1 if the acceleration is constant.
         change = np.where(a == b, 1.0, b - a)
         time_fraction = np.where(a == b, np.abs(a) <= level, (high - low) / change)
-        return np.asarray(time_fraction * (low * low + low * high + high * high))
+        return time_fraction * (low * low + low * high + high * high)
 
     blocks = [(a / peak, b / peak) for _, a, b in _intervals(record)]
     target = _A95 * sum(float(np.sum(energies_below(1.0, a, b))) for a, b in blocks)

@@ -493,7 +493,7 @@ def _displacements(arrays: Workspace, parts: int) -> Array:
     time, one column per floor.
     """
     floors = arrays.state.shape[1] - 1
-    return np.asarray(arrays.history[::parts, 1 : 1 + floors])
+    return arrays.history[::parts, 1 : 1 + floors]
 
 
 def _distance(array: Array, other: Array) -> float:

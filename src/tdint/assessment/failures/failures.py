@@ -185,7 +185,7 @@ _SOFTENING_AMPLITUDE, _STRENGTH = 4.0, 100.0
 
 def _log_cosh(u: Array) -> Array:
     """Return ln cosh u, the integral of tanh u, without overflow of cosh for large u."""
-    return np.asarray(np.abs(u) + np.log1p(np.exp(-2.0 * np.abs(u))) - math.log(2.0))
+    return np.abs(u) + np.log1p(np.exp(-2.0 * np.abs(u))) - math.log(2.0)
 
 
 def _softening_model() -> Model:
@@ -265,7 +265,7 @@ def soft_node_motion(time: Array) -> Array:
 
     It is the solution of u'' + u = sin 1.2 t from rest, shape (k,).
     """
-    return np.asarray(_NATURAL_AMPLITUDE * np.sin(time) + _DRIVEN_AMPLITUDE * np.sin(_DRIVE * time))
+    return _NATURAL_AMPLITUDE * np.sin(time) + _DRIVEN_AMPLITUDE * np.sin(_DRIVE * time)
 
 
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
@@ -397,12 +397,12 @@ def _relative_amplitudes(history: History) -> Array:
     exact amplitude follows from the initial displacement and velocity.
     """
     sizes = np.maximum(np.abs(history.displacement[:, 0]), np.abs(history.velocity[:, 0]))
-    return np.asarray(sizes / math.hypot(history.displacement[0, 0], history.velocity[0, 0]))
+    return sizes / math.hypot(history.displacement[0, 0], history.velocity[0, 0])
 
 
 def _oscillator_energy(history: History) -> Array:
     """Return the energy at each time step of an oscillator of unit mass and stiffness, J."""
-    return np.asarray(0.5 * (history.displacement[:, 0] ** 2 + history.velocity[:, 0] ** 2))
+    return 0.5 * (history.displacement[:, 0] ** 2 + history.velocity[:, 0] ** 2)
 
 
 def _oscillator(start: tuple[float, float]) -> Model:

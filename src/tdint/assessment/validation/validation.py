@@ -321,7 +321,7 @@ def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10
     }
     force = [10.0 * math.sin(math.pi * i / 6.0) if i < 6 else 0.0 for i in range(11)]
     record = make_record([-p / 0.2533 for p in force], dt=0.1, units="in/s^2")
-    return np.asarray(_history(model, record, method=method).displacement[1 : steps + 1, 0] / INCH)
+    return _history(model, record, method=method).displacement[1 : steps + 1, 0] / INCH
 
 
 _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
@@ -344,7 +344,7 @@ def _bathe(method: str) -> Array:
         "excitation": {"forces": [{"floor": 2, "amplitude": 10, "omega": 0, "phase": "cos"}]},
         "analysis": {"dt": 0.28, "duration": 3.36},
     }
-    return np.asarray(_history(model, method=method).displacement[-1, :2])
+    return _history(model, method=method).displacement[-1, :2]
 
 
 def _five_yielding_stories() -> Array:
@@ -357,12 +357,12 @@ def _five_yielding_stories() -> Array:
     }
     samples = [1.93 * math.sin(2.0 * math.pi * i / 10) if i <= 10 else 0.0 for i in range(21)]
     record = make_record(samples, dt=0.1, units="m/s^2")
-    return np.asarray(_history(model, record, method="newmark-average").displacement[-1:, 4])
+    return _history(model, record, method="newmark-average").displacement[-1:, 4]
 
 
 def _circular_frequencies(*stories: dict[str, Any]) -> Array:
     """Return the circular frequencies (rad/s) of a building with these stories."""
-    return np.asarray(modes(load_model({"stories": list(stories)})).omega)
+    return modes(load_model({"stories": list(stories)})).omega
 
 
 def _eigenvalues_of_three_masses() -> Array:
