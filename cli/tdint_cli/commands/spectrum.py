@@ -503,8 +503,7 @@ class Against(TableType):
             if request.periods is None:
                 periods = tuple(published.periods.tolist())
                 ratio_request = replace(ratio_request, periods=periods)
-            computed = Elastic().compute(ratio_request, records).lines
-            lines += differences(computed, published)
+            lines += differences(Elastic().compute(ratio_request, records).lines, published)
         notes = []
         for line in lines:
             if line.largest is None:

@@ -420,8 +420,7 @@ class FileName(ValueType):
         """Return an item that requests completion of paths by the shell."""
         from click.shell_completion import CompletionItem
 
-        path_type = "dir" if param.metavar == "DIR" else "file"
-        return [CompletionItem(incomplete, type=path_type)]
+        return [CompletionItem(incomplete, type="dir" if param.metavar == "DIR" else "file")]
 
 
 BESIDE = "\0"

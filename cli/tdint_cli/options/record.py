@@ -241,8 +241,7 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
     types: dict[str, tuple[str, dict[str, None]]] = {}
     for record in records:
         for text in record.warnings:
-            first_words = " ".join(text.split()[:3])
-            _, names = types.setdefault(first_words, (text, {}))
+            _, names = types.setdefault(" ".join(text.split()[:3]), (text, {}))
             names[record.name] = None
     return [f"{abbreviate(list(names), 3)}: {text}" for text, names in types.values()]
 

@@ -445,8 +445,7 @@ def _suite_contents(
         contents[str(Path(request.report).absolute())] = results.report(plan, suites)
     if request.im:
         measures = [run_measure(name) for name in request.im]
-        columns = tables.measure_columns(measures)
-        table = Table.of(columns, measured(plan, store, measures))
+        table = Table.of(tables.measure_columns(measures), measured(plan, store, measures))
         contents[MEASURES] = table.in_units(results.units).csv()
     return contents
 

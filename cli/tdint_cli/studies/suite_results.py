@@ -102,8 +102,7 @@ class SuiteResults:
 
     def emit_runs(self) -> None:
         """Write the table of the runs to standard output."""
-        table = Table.of(*studies.campaign_tables.run_table(self.store))
-        emit_table(table.in_units(self.units))
+        emit_table(Table.of(*studies.campaign_tables.run_table(self.store)).in_units(self.units))
 
     def draw(self, file: Path) -> Content:
         """Return the figure of the demands over the height of the buildings.

@@ -170,8 +170,7 @@ def _time_of(match: re.Match[str]) -> datetime | None:
         time = datetime(year, month, int(match["day"]), int(hour), int(minute), int(second))
     except ValueError:
         return None
-    zone_offset = _ZONES.get((match["zone"] or "").upper(), 0.0)
-    return time - timedelta(hours=zone_offset)
+    return time - timedelta(hours=_ZONES.get((match["zone"] or "").upper(), 0.0))
 
 
 def _clean_name(name: str) -> str:
@@ -201,5 +200,4 @@ def _words_and_numbers(name: str) -> tuple[list[str], list[int]]:
     an event, such as "earthquake"."""
     parts = re.findall(r"[^\W\d_]+|\d+", _IGNORED_WORDS.sub(" ", name.lower()))
     words = [part for part in parts if not part.isdecimal()]
-    numbers = [int(part) for part in parts if part.isdecimal()]
-    return words, numbers
+    return words, [int(part) for part in parts if part.isdecimal()]

@@ -166,10 +166,8 @@ def _check_directions(first: Record, second: Record, source: str) -> list[str]:
     if at_right_angles(first.component, second.component):
         return []
     names = f"{first.component or 'one'} and {second.component or 'the other'}"
-    first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
-    if first_azimuth is not None and second_azimuth is not None:
-        # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
-        angle = abs((second_azimuth - first_azimuth + 90.0) % 180.0 - 90.0)
+    angle = _angle_between(first.component, second.component)
+    if angle is not None:
         raise RecordError(
             f"{source}: two components at right angles are required, but the directions "
             f"{names} differ by {angle:.4g} degrees; select two other components"
@@ -305,6 +303,15 @@ def _channel_code(component: str) -> str:
     return match[1] if match else name
 
 
+def _angle_between(component: str, other: str) -> float | None:
+    """Return the angle between two directions, degrees; None if a name states no direction."""
+    first, second = azimuth(component), azimuth(other)
+    if first is None or second is None:
+        return None
+    # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
+    return abs((second - first + 90.0) % 180.0 - 90.0)
+
+
 def at_right_angles(component: str, other: str) -> bool:
     """Return True if two component names are perpendicular: by their azimuths (000, EW, HNE), or as
     a pair such as HN1 and HN2 or X and Y. Of names that differ in one word, such as the columns
@@ -313,10 +320,8 @@ def at_right_angles(component: str, other: str) -> bool:
     differing = [pair for pair in zip(words, other_words, strict=False) if pair[0] != pair[1]]
     if len(words) == len(other_words) > 1 and len(differing) == 1:
         component, other = differing[0]
-    first, second = azimuth(component), azimuth(other)
-    if first is not None and second is not None:
-        # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
-        angle = abs((second - first + 90.0) % 180.0 - 90.0)
+    angle = _angle_between(component, other)
+    if angle is not None:
         return abs(angle - 90.0) <= _ANGLE_TOLERANCE
     name, other_name = map(_channel_code, (component, other))
     # R01 and R02 are numbers of motions.
@@ -445,8 +450,7 @@ def motion_names(files: Sequence[str]) -> list[str]:
     # Files without a recognized component are grouped by their names without the direction.
     groups: dict[str, list[tuple[int, str]]] = {}  # (index in files, direction) of each file
     for index, (file, name) in enumerate(zip(files, names, strict=True)):
-        has_component = name != file
-        match = None if has_component else _DIRECTION.search(Path(file).name)
+        match = _DIRECTION.search(Path(file).name) if name == file else None
         if match:
             group_name = _replace_component(file, match)
             groups.setdefault(group_name, []).append((index, match["component"]))

@@ -116,8 +116,7 @@ def has_offset(acceleration: Array) -> bool:
     centered = acceleration - np.median(acceleration)
     independent_samples = 1 + np.count_nonzero(np.diff(np.sign(centered)))
     mean_sign = abs(np.mean(np.sign(acceleration)))
-    limit = _MAX_STANDARD_ERRORS / math.sqrt(independent_samples)
-    return bool(mean_sign > limit)
+    return bool(mean_sign > _MAX_STANDARD_ERRORS / math.sqrt(independent_samples))
 
 
 def in_band(

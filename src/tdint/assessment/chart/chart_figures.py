@@ -15,6 +15,7 @@ from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.figures.static_curves import NARROW_FOOT, PROFILE_FOOT
 from tdint.output.figures.style import (
     LIGHT,
+    Style,
     add_legend,
     is_narrow,
     method_styles,
@@ -283,7 +284,7 @@ class _Drawing:
         return [min(below, key=self.cost)] if below else []
 
 
-def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
+def _styles(lines: Sequence[str], highlight: str) -> dict[str, Style]:
     """Return the style of each line of a work-precision diagram as keyword arguments of matplotlib.
 
     Markers of other programs are hollow.
@@ -359,7 +360,7 @@ def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list
             color=style["color"],
         )
         handles += axes.plot([], [], **style)
-    rings: dict[str, Any] = {
+    rings: Style = {
         "marker": "o",
         "markersize": 10.0,
         "markerfacecolor": "none",
@@ -512,7 +513,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
 
 
 def _plot_profiles(
-    axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, dict[str, Any]]
+    axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, Style]
 ) -> dict[str, Any]:
     """Plot the performance profiles of all methods for a single tolerance, over the cost divided by
     the minimum cost.

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from tdint.assessment.chart.chart_figures import CHART_FOOT
 from tdint.errors import UsageError
 from tdint.output.figures import style
-from tdint.output.figures.style import new_figure
+from tdint.output.figures.style import Style, new_figure
 from tdint.output.printed import PRINTED
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     figure = new_figure(size.width, height)
     panels = figure.subplots(len(panel_headings), 1, squeeze=False)[:, 0]
     # Each trial has a cell; text in a hatched cell has a plain background.
-    text_style: dict[str, Any] = {
+    text_style: Style = {
         "fontsize": 6.0 if PRINTED.get().width else 6.8,
         "rotation": 90.0 if size.is_vertical else 0.0,
     }

@@ -16,6 +16,7 @@ from tdint.output.figures.style import (
     COLORS,
     DASHES,
     LIGHT,
+    Style,
     add_legend,
     method_styles,
     new_axes,
@@ -133,7 +134,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     return titled(figure, f"{first.method}\n{title}" if len(lines) == 1 else title)
 
 
-def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
+def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[Style]:
     """Return the style of each line as keyword arguments of matplotlib.
 
     The lines are distinguishable without color: methods differ by dashes and markers. If there are
@@ -158,7 +159,7 @@ _MAX_RADIUS = 1e3
 placement of markers at equal distances along the line would not end."""
 
 
-def plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
+def plot(axes: Any, x: Array, y: Array, style: Style) -> list[Any]:
     """Plot a line, also if no point of it is finite.
 
     `x` and `y` are the points; nan is allowed.
@@ -197,12 +198,12 @@ def accuracy_picture(
     return titled(figure, title)
 
 
-def _curve_styles(curves: Sequence[StabilityCurve | Overshoot]) -> list[dict[str, Any]]:
+def _curve_styles(curves: Sequence[StabilityCurve | Overshoot]) -> list[Style]:
     """Return the line style of each curve."""
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 
 
-def thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
+def thinned(styles: list[Style], count: int) -> list[Style]:
     """Return line styles where the last `count` lines are thin and have no markers."""
     first_thin = len(styles) - count
     return [
@@ -228,7 +229,7 @@ this range are not useful."""
 
 
 def _draw_quantity(
-    axes: Any, curves: Sequence[StabilityCurve], quantity: str, styles: Sequence[dict[str, Any]]
+    axes: Any, curves: Sequence[StabilityCurve], quantity: str, styles: Sequence[Style]
 ) -> list[Any]:
     """Plot a quantity of each curve over dt/T, and set the ranges and the labels of the axes.
 
@@ -303,8 +304,7 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     methods = list(dict.fromkeys(order.method for order in measured))
     lines = []
     # All lines have the same damping ratio, 0.0, so that styles differ only by method.
-    damping_ratios = [0.0] * len(methods)
-    styles = thinned(line_styles(methods, damping_ratios), thin)
+    styles = thinned(line_styles(methods, [0.0] * len(methods)), thin)
     for method, style in zip(methods, styles, strict=True):
         orders = [order for order in measured if order.method == method]
         ratios = np.array([order.frequency_ratio for order in orders])
@@ -342,7 +342,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     for quantity, marker, size, fill in marks:
         orders = [order.order(quantity) for order in measured]
         label = "algorithmic acceleration" if quantity == "algorithmic_acceleration" else quantity
-        mark: dict[str, Any] = {
+        mark: Style = {
             "markersize": size,
             "markerfacecolor": fill,
             "markeredgecolor": COLORS[0],
@@ -481,7 +481,7 @@ def row_picture(title: str, model: Model) -> Figure:
 
 def _draw_link(axes: Any, start: float, end: float) -> None:
     """Plot a spring and a dashpot below the spring, from the abscissa `start` to `end`."""
-    black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
+    black: Style = {"color": "black", "linewidth": 0.9}
     middle = 0.5 * (start + end)
     # The spring is a zigzag line between two straight parts.
     teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
@@ -515,5 +515,4 @@ def _draw_mass(axes: Any, model: Model, index: int, left: float) -> None:
                     terms.append(f"{amplitude:g} {function} {force.omega:g}t")
     if terms:
         axes.annotate("", (left + _SIDE, 0.45), (left, 0.45), arrowprops={"arrowstyle": "->"})
-        text = f"{' + '.join(terms)} N"
-        axes.text(center, 0.55, text, ha="center", va="bottom", fontsize=7.0)
+        axes.text(center, 0.55, f"{' + '.join(terms)} N", ha="center", va="bottom", fontsize=7.0)

@@ -79,8 +79,7 @@ class TableColumns:
 
     def name(self, index: int) -> str:
         """Return the name of a column for `column`: its text, or its number counted from 1."""
-        text = self.names[index].text if self.names else ""
-        return text[:40] or str(index + 1)
+        return (self.names[index].text if self.names else "")[:40] or str(index + 1)
 
 
 def incomplete(
@@ -151,8 +150,7 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
         compared=compared,
     )
     if stated.get(ORIGIN) and len(selected) == 1:
-        origin = stated_origin(stated.get(ORIGIN), columns[selected[0]])
-        common = replace(common, origin=origin)
+        common = replace(common, origin=stated_origin(stated.get(ORIGIN), columns[selected[0]]))
     series = [_series(common, table, index, is_single=len(selected) == 1) for index in selected]
     if len(series) == 1:
         series = [_with_peak(series[0], stated)]

@@ -445,8 +445,7 @@ def _stated_part(
         if total in (2 * count, 3 * count) and "velocity" in stated.integrals and count in ends:
             return 0, int(np.searchsorted(ends, count))
     for first in range(1, min(lines, _MAX_NUMBER_LINES)):
-        before = block.lines[first - 1]
-        has_whole = any(map(_INTEGER.fullmatch, before.split()))
+        has_whole = any(map(_INTEGER.fullmatch, block.lines[first - 1].split()))
         if not has_whole and numbers.widths[first - 1] == numbers.width:
             break
         if int(total - ends[first]) in stated.counts and numbers.part(first).is_regular:

@@ -130,8 +130,7 @@ def _volume_2(lines: Lines) -> tuple[Series, Header]:
     samples = blocks["ACC"]
     peak = header.peak(_PEAKS["ACC"], "cm/s^2")
     if peak:
-        rounding = peak.rounding + last_decimal(samples)
-        peak = replace(peak, factor=1.0, rounding=rounding)
+        peak = replace(peak, factor=1.0, rounding=peak.rounding + last_decimal(samples))
     pgv, pgd = (_peak(blocks, word, header) for word in ("VEL", "DIS"))
     return Series(samples, dt, peak.units if peak else "", peak=peak, pgv=pgv, pgd=pgd), header
 

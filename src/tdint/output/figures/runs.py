@@ -24,6 +24,7 @@ from tdint.output.figures.style import (
     MARK,
     MAX_HEIGHT,
     ZERO,
+    Style,
     changed,
     drift_scale,
     is_narrow,
@@ -111,8 +112,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         lower_grid = grid[-1].subgridspec(2, 2)
     else:
         lower_grid = grid[-1].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
-    profiles = [figure.add_subplot(lower_grid[i]) for i in range(3)]
-    draw_profiles(profiles, response, units)
+    draw_profiles([figure.add_subplot(lower_grid[i]) for i in range(3)], response, units)
     story, reason = loop_story(response, units)
     loop = figure.add_subplot(lower_grid[3])
     _draw_loop(loop, response, history, story, units)
@@ -181,7 +181,7 @@ def _mark_events(panels: Sequence[Any], response: Response) -> None:
     for axes in panels:
         for event in response.events[1:]:
             axes.axvline(event.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
-    position: dict[str, Any] = {
+    position: Style = {
         "xycoords": ("data", "axes fraction"),
         "textcoords": "offset points",
         "xytext": (3, 2),
@@ -686,6 +686,6 @@ def _draw_two_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     axes.legend()
 
 
-def _line(number: int) -> dict[str, Any]:
+def _line(number: int) -> Style:
     """Return the style of the line of a direction."""
     return {"color": COLORS[number], "linewidth": 1.0, "linestyle": ("-", "--")[number]}

@@ -26,6 +26,7 @@ from tdint.output.figures.style import (
     INK,
     LIGHT,
     FirstPeriods,
+    Style,
     add_legend,
     changed,
     line_style,
@@ -267,7 +268,7 @@ def over_periods_title(single_title: str, several: str, results: Sequence[Any], 
     return f"{several} of {subject}\n{damping} damping, {more}"
 
 
-_Curve = tuple["Spectrum", str, dict[str, Any]]
+_Curve = tuple["Spectrum", str, Style]
 """Line with its label (may be empty) and its style."""
 
 
@@ -472,8 +473,8 @@ _NAMES = {
 }
 """Label and SI unit of each spectral quantity."""
 
-_TARGET: dict[str, Any] = {"color": "0.1", "linewidth": 2.2, "zorder": 6}
-_POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
+_TARGET: Style = {"color": "0.1", "linewidth": 2.2, "zorder": 6}
+_POINTS: Style = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
 
 
 def spectrum_picture(

@@ -21,6 +21,7 @@ from tdint.output.figures.style import (
     MARK,
     MARKERS,
     ZERO,
+    Style,
     add_ratio_axis,
     changed,
     drift_scale,
@@ -360,7 +361,7 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
     return figure
 
 
-MATCHED: dict[str, dict[str, Any]] = {
+MATCHED: dict[str, Style] = {
     "scaled seed": {"color": "0.6", "linewidth": 0.9},
     "matched": {"color": COLORS[0], "linewidth": 0.9},
 }
