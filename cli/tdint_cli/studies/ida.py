@@ -16,6 +16,7 @@ from tdint.files import Content, check_outputs, is_there, settle, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.system import processors
+from tdint.tabular import function_on_use
 from tdint.units import GROUND_MOTION, OutputUnits, Units
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
@@ -59,18 +60,8 @@ def _measure(name: str) -> str:
     return str(click.Choice(_measures()).convert(name, None, None))
 
 
-def _acceptance(text: str) -> Acceptance:
-    """Return the design of --p695."""
-    from tdint.studies.ida.collapse_margin import Acceptance
-
-    return Acceptance.parse(text)
-
-
-def _measures() -> tuple[str, ...]:
-    """Return the names of the intensity measures for the scaling of ground motions."""
-    from tdint.studies.motions.intensity import scalable_measures
-
-    return scalable_measures()
+# Names of the intensity measures for the scaling of ground motions
+_measures = function_on_use("tdint.studies.motions.intensity", "scalable_measures")
 
 
 @options.request
@@ -88,7 +79,11 @@ class IdaRequest(RecordsRequest):
     precision: float = options.option(type=Ratio(0.0, 0.5, min_open=True), default=0.05)
     collapse_drift: float | None = options.option()
     threshold: tuple[float, ...] | None = options.option()
-    p695: Acceptance | None = options.option(type=Written("design", _acceptance))
+    p695: Acceptance | None = options.option(
+        type=Written(
+            "design", function_on_use("tdint.studies.ida.collapse_margin", "Acceptance.parse")
+        )
+    )
     after: str | None = options.option()
     damage: tuple[float, ...] | None = options.option()
     method: str | None = options.analysis.method

@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from tdint.output import figures, tables
-from tdint.tabular import Tabular
+from tdint.tabular import Tabular, function_on_use
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,14 +66,10 @@ def row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any], Output
     return lambda results, _: tables.table.Table.of_results(find(), results)
 
 
-def later(package: Any, name: str) -> Callable[..., Any]:
-    """Return the function `name` of a package, such as `runs.run_picture`. Its module is imported
-    when the function is called."""
-    return lambda *arguments: attrgetter(name)(package)(*arguments)
-
-
-drawn, tabulated = partial(later, figures), partial(later, tables)
-"""The functions of figures and of tables by their names."""
+drawn, tabulated = (
+    partial(function_on_use, f"tdint.output.{package}") for package in ("figures", "tables")
+)
+"""The functions of figures and of tables by their names, such as `runs.run_picture`."""
 
 
 def _infos(records: Sequence[Any]) -> list[Any]:

@@ -260,8 +260,8 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
         if count and (is_timed or is_other or width == 1 or used == 1):
             if is_timed:  # the times state the interval
                 steps = [n for n in steps if _is_plausible(n)]
-            if steps:
-                return FirstNumbers(count, _interval_of(steps, layout), used)
+            if steps:  # the interval that the user specifies, otherwise the most plausible number
+                return FirstNumbers(count, next(filter(layout.has_step, steps), steps[0]), used)
             if (width == 1 or is_timed) and (used == 1 or count >= MIN_COUNT):
                 return FirstNumbers(count, 0.0, used)
         is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
@@ -288,12 +288,6 @@ def _number_of_samples(
     return next(
         (int(n) for n in whole if (n >= 1.0 and n in remaining) or is_filled(samples, n, width)), 0
     )
-
-
-def _interval_of(steps: list[float], layout: TextLayout) -> float:
-    """Return the sampling interval in a header: the interval that the user specifies, otherwise the
-    most plausible number."""
-    return next(filter(layout.has_step, steps), steps[0])
 
 
 def is_filled(values: Array, count: float, width: int) -> bool:

@@ -556,11 +556,6 @@ _MAX_INSIDE = 5
 """Maximum number of entries of a legend inside a panel with spectra."""
 
 
-def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
-    """Plot pseudo-acceleration and displacement of spectra over the period, without a title."""
-    return draw_over_periods(spectra, _elastic_panels(units), labels)
-
-
 def _elastic_panels(units: OutputUnits) -> list[Panel]:
     """Return the two panels of elastic spectra: pseudo-acceleration and displacement.
 
@@ -597,7 +592,13 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
         axes.legend(loc="best")
 
 
-DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_adrs}
+DRAWN: dict[str, Callable[..., Figure]] = {
+    "periods": lambda spectra, labels, units: draw_over_periods(
+        spectra, _elastic_panels(units), labels
+    ),
+    "tripartite": draw_tripartite,
+    "adrs": draw_adrs,
+}
 """Functions that plot spectra, by the name of the axes."""
 
 
