@@ -1,4 +1,4 @@
-"""Parsing of numbers, ratios, named parameters and patterns on the command line and in files."""
+"""Parsing of numbers, ratios and named parameters on the command line and in files."""
 
 from __future__ import annotations
 

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
 
-from tdint.arrays import Array
 from tdint.errors import OutputError, RecordError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
 from tdint.grids import Grid
@@ -37,6 +36,7 @@ from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
 
 if TYPE_CHECKING:
+    from tdint.arrays import Array
     from tdint.ground_motion.horizontals import PairNames
     from tdint.ground_motion.record import Record
     from tdint.output.figures.style import Figure

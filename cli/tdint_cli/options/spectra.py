@@ -7,13 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.response.defaults import PERIODS
 from tdint_cli.options import grammar, output
 
 if TYPE_CHECKING:
+    from tdint.arrays import Array
     from tdint.files import Content
     from tdint.grids import Grid
     from tdint.model.definition import Model
