@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Mapping, Sequence
+from typing import AnyStr
 
 from tdint.errors import UsageError, did_you_mean
 
@@ -16,6 +18,11 @@ between these limits neither underflow nor overflow in double precision.
 _UNDERFLOW = sys.float_info.min
 """Number that represents all numbers that are too small for double precision, 2.2e-308. It is below
 `SMALLEST` and is therefore refused."""
+
+
+def any_case(pattern: AnyStr) -> re.Pattern[AnyStr]:
+    """Compile a pattern that does not distinguish upper and lower case."""
+    return re.compile(pattern, re.IGNORECASE)
 
 
 def pluralize(count: int, noun: str) -> str:

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
+from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
@@ -357,6 +358,12 @@ class FunctionPackage(ModuleType):
         function = self._function
         name = self.__name__.rpartition(".")[2]
         return f"{name}{inspect.signature(function)}\n\n{inspect.getdoc(function)}"
+
+
+def function_on_use(module: str, name: str) -> Callable[..., Any]:
+    """Return a function that calls the function `name` of a module, which it imports first. The
+    name may be an attribute of an attribute: `Acceptance.parse`."""
+    return lambda *arguments: attrgetter(name)(import_module(module))(*arguments)
 
 
 def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]:

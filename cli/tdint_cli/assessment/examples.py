@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint import assessment
-from tdint.files import check_outputs, is_there, write_files
+from tdint.files import Content, check_outputs, is_there, write_files
 from tdint.grids import Grid
 from tdint.output import figures
 from tdint.response.defaults import BETAS
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tdint.assessment.examples.paper_examples import Example, ExampleRun
-    from tdint.files import Content
 
 _CHECK_METHOD = "gauss4"
 """Method whose solution is compared with the finer reference solution."""

@@ -6,24 +6,20 @@ from collections import Counter
 
 from tdint import assessment
 from tdint.output import tables
+from tdint.tabular import function_on_use
 from tdint_cli import options
 from tdint_cli.assessment import method_options
 from tdint_cli.options.option_types import ListOf, Written
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
-
-def _problems() -> list[str]:
-    """Return the names of the problems, for the completion of --problem."""
-    from tdint.assessment.failures.failures import problems
-
-    return list(problems())
+_PROBLEM = Written("name", names=function_on_use("tdint.assessment.failures.failures", "problems"))
 
 
 @options.command
 @options.analysis.plugin
 @method_options.all_methods
-@options.option("--problem", "problems", type=ListOf(Written("name", names=_problems)))
+@options.option("--problem", "problems", type=ListOf(_PROBLEM))
 @options.output.to_files(picture=True, in_units=False)
 def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
     """Run methods on hard problems with known solutions and report failures.

@@ -36,9 +36,7 @@ from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from tdint.arrays import Array
     from tdint.ground_motion.horizontals import PairNames
     from tdint.ground_motion.record import Record
     from tdint.output.figures.style import Figure
@@ -160,7 +158,7 @@ class TablesRequest(RecordsRequest):
             | {"periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)}
         )
 
-    def chosen_periods(self) -> NDArray[np.float64]:
+    def chosen_periods(self) -> Array:
         """Return the requested or the default periods of the spectra, s, as an array."""
         return options.spectra.chosen_periods(self.periods, self.DEFAULT_PERIODS)
 
@@ -505,8 +503,7 @@ class Against(TableType):
             if request.periods is None:
                 periods = tuple(published.periods.tolist())
                 ratio_request = replace(ratio_request, periods=periods)
-            computed = Elastic().compute(ratio_request, records).lines
-            lines += differences(computed, published)
+            lines += differences(Elastic().compute(ratio_request, records).lines, published)
         notes = []
         for line in lines:
             if line.largest is None:

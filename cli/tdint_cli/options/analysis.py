@@ -13,6 +13,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.number_parsing import number_or_nan
+from tdint.tabular import function_on_use
 from tdint_cli.options import grammar
 from tdint_cli.options.option_types import FileName, ListOf, Written
 from tdint_cli.options.record import RecordRequest
@@ -22,14 +23,7 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model, RecordSource
 
 
-def _methods() -> list[str]:
-    """Return the names of the time integration methods, for the completion of --method."""
-    from tdint.methods.catalogue import catalogue
-
-    return list(catalogue())
-
-
-method_name = Written("name", names=_methods)
+method_name = Written("name", names=function_on_use("tdint.methods.catalogue", "catalogue"))
 
 
 def _load(

@@ -13,6 +13,7 @@ import click
 from tdint.errors import UsageError
 from tdint.files import protect_input
 from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, parse_ratio
+from tdint.tabular import function_on_use
 from tdint.units import (
     ACCELERATION,
     FORCE,
@@ -37,6 +38,9 @@ else:
     # Generic only for type checkers: click before 8.4 does not support brackets.
     ValueType = click.ParamType
 
+_Parameter = click.Parameter | None
+_Context = click.Context | None
+
 
 class Number(click.FloatRange):
     """Option type of a finite number in a range.
@@ -45,7 +49,7 @@ class Number(click.FloatRange):
     of values do not overflow or become 0.
     """
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
         """Return the number that a text represents; click reports invalid values as errors."""
         number = super().convert(value, param, ctx) or number_or_nan(str(value))
         if not math.isfinite(number):
@@ -64,7 +68,7 @@ class Ratio(Number):
 
     name = "ratio"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
         """Return the ratio that a text represents as a number, 0.05 for 5%.
 
         A number from 1 to 100 that is too large was probably meant in percent, so that the message
@@ -94,7 +98,7 @@ damping_ratio = Ratio(0.0, 1.0, max_open=True)
 class Nonzero(Number):
     """Option type of a number other than zero."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
         """Return the number that a text represents; click reports zero as an error."""
         number = super().convert(value, param, ctx)
         if number == 0.0:
@@ -140,7 +144,7 @@ class ListOf(ValueType):
         values = list(chain.from_iterable(tuples))
         return tuple(dict.fromkeys(values) if self.once else values) or None
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
         """Return a tuple of the values between the commas of a text, each converted to its type."""
         if isinstance(value, tuple):
             return value
@@ -173,9 +177,7 @@ class OutputUnitsType(ListOf):
         units = (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)
         super().__init__(Written("unit", names=lambda: units))
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> OutputUnits:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> OutputUnits:
         """Return the units that a text names; unknown units raise UsageError."""
         return parse_output_units(value) if isinstance(value, str) else value
 
@@ -205,7 +207,7 @@ class Written(ValueType):
         self.read = read
         self.names = names
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
         """Return the value of a text; a value that is not a text, such as a default, is returned
         unchanged."""
         return self.read(value) if isinstance(value, str) else value
@@ -280,7 +282,7 @@ def _period(text: str) -> float | None:
 class _Periods(Number):
     """Option type of a period in s, or of a grid of periods FIRST:LAST:COUNT."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
         """Return a number, or a grid for a text with a colon."""
         if isinstance(value, str) and ":" in value:
             return grid().read(value)
@@ -316,15 +318,8 @@ intensity = Written("value", _intensity)
 """A peak value or pseudo-acceleration with its unit, such as 0.6g."""
 
 
-def _pair_names(text: str) -> PairNames:
-    """Return the patterns of two file names with {}, such as {}_N.AT2,{}_E.AT2."""
-    from tdint.ground_motion.horizontals import PairNames
-
-    return PairNames.parse(text)
-
-
-pair_names = Written("names", _pair_names)
-"""Patterns for the file names of a pair: two names with {}."""
+pair_names = Written("names", function_on_use("tdint.ground_motion.horizontals", "PairNames.parse"))
+"""Patterns for the file names of a pair: two names with {}, such as {}_N.AT2,{}_E.AT2."""
 
 
 def pairs_of(measures: Sequence[str]) -> Written:
@@ -399,7 +394,7 @@ class FileName(ValueType):
         self.written = written
         self.check = check
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
         """Return the path of the file, or the value that `check` returns.
 
         An input file is protected, so that no output of the command replaces it. UsageError is
@@ -419,8 +414,7 @@ class FileName(ValueType):
         """Return an item that requests completion of paths by the shell."""
         from click.shell_completion import CompletionItem
 
-        path_type = "dir" if param.metavar == "DIR" else "file"
-        return [CompletionItem(incomplete, type=path_type)]
+        return [CompletionItem(incomplete, type="dir" if param.metavar == "DIR" else "file")]
 
 
 BESIDE = "\0"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import OutputError, UsageError
-from tdint.files import STDIN, check_outputs, is_folder, write_files
+from tdint.files import STDIN, Content, check_outputs, is_folder, write_files
 from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
@@ -23,7 +23,6 @@ from tdint_cli.options.option_types import BESIDE, FileName
 from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
-    from tdint.files import Content
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
 

@@ -10,6 +10,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.number_parsing import abbreviate
+from tdint.tabular import function_on_use
 from tdint_cli.options import grammar, option_types
 
 if TYPE_CHECKING:
@@ -64,12 +65,9 @@ def _units() -> list[str]:
     return [unit for units in GROUND_MOTION.values() for unit in units]
 
 
-def _sample_units(text: str) -> Any:
-    """Return the units of samples: a unit for all records, or units by file (`AT2=g,*.mseed=m/s^2`
-    or the name of a table, which is read)."""
-    from tdint.ground_motion.reading.sample_units import units_of_text
-
-    return units_of_text(text)
+# A unit for all records, or units by file (`AT2=g,*.mseed=m/s^2` or the name of a table, which is
+# read)
+_sample_units = function_on_use("tdint.ground_motion.reading.sample_units", "units_of_text")
 
 
 records = click.argument(
@@ -241,8 +239,7 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
     types: dict[str, tuple[str, dict[str, None]]] = {}
     for record in records:
         for text in record.warnings:
-            first_words = " ".join(text.split()[:3])
-            _, names = types.setdefault(first_words, (text, {}))
+            _, names = types.setdefault(" ".join(text.split()[:3]), (text, {}))
             names[record.name] = None
     return [f"{abbreviate(list(names), 3)}: {text}" for text, names in types.values()]
 

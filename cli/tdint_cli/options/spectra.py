@@ -13,9 +13,7 @@ from tdint.response.defaults import PERIODS
 from tdint_cli.options import grammar, output
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from tdint.arrays import Array
     from tdint.files import Content
     from tdint.grids import Grid
     from tdint.model.definition import Model
@@ -44,7 +42,7 @@ damping = grammar.option("--damping", default=(0.05,))
 periods = grammar.option("--period", "--periods")
 
 
-def chosen_periods(requested: Iterable[float | Grid] | None, default: str) -> NDArray[np.float64]:
+def chosen_periods(requested: Iterable[float | Grid] | None, default: str) -> Array:
     """Return the periods of --period, s, as an array.
 
     Parameters
@@ -111,7 +109,7 @@ class FloorRequest:
 
         return floors_of(self.floors, model)
 
-    def chosen_periods(self) -> NDArray[np.float64]:
+    def chosen_periods(self) -> Array:
         """Return the periods of the floor spectra, s."""
         return chosen_periods(self.floor_periods, PERIODS)
 

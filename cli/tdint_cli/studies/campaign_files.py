@@ -7,11 +7,19 @@ from contextlib import ExitStack
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import check_outputs, is_there, refuse_protected, settle, write_files
+from tdint.files import (
+    Content,
+    Writer,
+    check_outputs,
+    is_there,
+    refuse_protected,
+    settle,
+    write_files,
+)
 from tdint.fractiles import small_sample_warning
 from tdint.model.status import FALLEN
 from tdint.number_parsing import pluralize
@@ -45,9 +53,6 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.studies.suite_results import NOT_STORED, SuiteResults, unfinished
-
-if TYPE_CHECKING:
-    from tdint.files import Content, Writer
 
 
 def apply_style(style: str, source: str) -> None:
@@ -440,8 +445,7 @@ def _suite_contents(
         contents[str(Path(request.report).absolute())] = results.report(plan, suites)
     if request.im:
         measures = [run_measure(name) for name in request.im]
-        columns = tables.measure_columns(measures)
-        table = Table.of(columns, measured(plan, store, measures))
+        table = Table.of(tables.measure_columns(measures), measured(plan, store, measures))
         contents[MEASURES] = table.in_units(results.units).csv()
     return contents
 

@@ -13,7 +13,7 @@ import click
 
 from tdint import studies
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import STDIN, check_outputs
+from tdint.files import STDIN, Content, check_outputs
 from tdint.number_parsing import number_text
 from tdint_cli import options
 from tdint_cli.options.option_types import ListOf, Written
@@ -22,7 +22,6 @@ from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.arrays import Array
-    from tdint.files import Content
     from tdint.grids import Grid
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure

@@ -12,11 +12,12 @@ import click
 
 from tdint import studies
 from tdint.errors import UsageError
-from tdint.files import check_outputs, is_there, settle, write_files
+from tdint.files import Content, check_outputs, is_there, settle, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.system import processors
-from tdint.units import GROUND_MOTION
+from tdint.tabular import function_on_use
+from tdint.units import GROUND_MOTION, OutputUnits, Units
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.option_types import (
@@ -32,13 +33,11 @@ from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.arrays import Array
-    from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.studies.ida.collapse_margin import Acceptance, CollapseMargin
     from tdint.studies.ida.ida import IdaSettings, IdaStudy
     from tdint.studies.ida.ida_curve import Mainshock
     from tdint.studies.motions.intensity import IntensityMeasure
-    from tdint.units import OutputUnits, Units
 
 MARGIN = "margin.csv"
 RUNS, CAPACITIES, FRACTILES = "ida.csv", "capacities.csv", "fractiles.csv"
@@ -61,18 +60,8 @@ def _measure(name: str) -> str:
     return str(click.Choice(_measures()).convert(name, None, None))
 
 
-def _acceptance(text: str) -> Acceptance:
-    """Return the design of --p695."""
-    from tdint.studies.ida.collapse_margin import Acceptance
-
-    return Acceptance.parse(text)
-
-
-def _measures() -> tuple[str, ...]:
-    """Return the names of the intensity measures for the scaling of ground motions."""
-    from tdint.studies.motions.intensity import scalable_measures
-
-    return scalable_measures()
+# Names of the intensity measures for the scaling of ground motions
+_measures = function_on_use("tdint.studies.motions.intensity", "scalable_measures")
 
 
 @options.request
@@ -90,7 +79,11 @@ class IdaRequest(RecordsRequest):
     precision: float = options.option(type=Ratio(0.0, 0.5, min_open=True), default=0.05)
     collapse_drift: float | None = options.option()
     threshold: tuple[float, ...] | None = options.option()
-    p695: Acceptance | None = options.option(type=Written("design", _acceptance))
+    p695: Acceptance | None = options.option(
+        type=Written(
+            "design", function_on_use("tdint.studies.ida.collapse_margin", "Acceptance.parse")
+        )
+    )
     after: str | None = options.option()
     damage: tuple[float, ...] | None = options.option()
     method: str | None = options.analysis.method

@@ -73,10 +73,9 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
             raise UsageError("--scale requires a record, and the model has no record: add RECORD")
         inputs = Inputs((model,), motions=CampaignMotions(suite_motions([record])))
     plan = make_plan(campaign, inputs)
-    engine = threads(request.jobs or processors())
     # With a directory the runs are a campaign that can be resumed; otherwise the store is in
     # memory.
-    execute_campaign(plan, engine, request, show=True)
+    execute_campaign(plan, threads(request.jobs or processors()), request, show=True)
 
 
 def _unscaled(model: Model) -> Model:

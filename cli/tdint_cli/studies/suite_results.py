@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint import studies
 from tdint.errors import AnalysisError, TdintError
+from tdint.files import Content
 from tdint.ground_motion.origin import MotionOrigin, matched_clause
 from tdint.model.limits import LimitCheck, chosen_limits, uniform_drift_limit
 from tdint.number_parsing import abbreviate, number_text, pluralize
@@ -43,9 +44,6 @@ from tdint_cli.demand_limits import outcome_text, without_limits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.suite import PROFILES, SuiteRequest
 from tdint_cli.terminal import note, say, warn
-
-if TYPE_CHECKING:
-    from tdint.files import Content
 
 # Several options require the peaks of all stories; their name precedes this message.
 NOT_STORED = "peaks of stories are not stored; set `outputs: {profiles: true}` in the campaign file"
@@ -104,8 +102,7 @@ class SuiteResults:
 
     def emit_runs(self) -> None:
         """Write the table of the runs to standard output."""
-        table = Table.of(*studies.campaign_tables.run_table(self.store))
-        emit_table(table.in_units(self.units))
+        emit_table(Table.of(*studies.campaign_tables.run_table(self.store)).in_units(self.units))
 
     def draw(self, file: Path) -> Content:
         """Return the figure of the demands over the height of the buildings.

@@ -112,7 +112,7 @@ def _energy_fractions(record: Record) -> Array:
     # Components without energy in the band are compared with each other.
     if total < _MIN_BAND_ENERGY * float(squares.sum()):
         return np.zeros(_ENERGY_BANDS)
-    return np.asarray(energies / total)
+    return energies / total
 
 
 def _is_copy(component: Record, other: Record, scaled: bool) -> bool:
@@ -158,6 +158,6 @@ def _resampled(record: Record, step: float) -> Array:
     interval; linear between its samples."""
     samples = record.acceleration / record.pga
     if np.isclose(step, record.dt, rtol=1e-6, atol=0.0):
-        return np.asarray(samples)
+        return samples
     times = step * np.arange(int(record.duration / step + 1e-6) + 1)  # with the last sample
     return np.asarray(np.interp(times, np.arange(samples.size) * record.dt, samples))

@@ -11,6 +11,7 @@ from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
 from tdint.ground_motion.record import Record
+from tdint.number_parsing import any_case
 
 _UNKNOWN_UNTIL = "1970-01-02"
 """MiniSEED files without a known time start in 1970."""
@@ -37,7 +38,7 @@ _CLOCK = (
 )
 _NAME_OF_MONTH = r"(?P<month>(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*)\.?"
 _DATES = tuple(
-    re.compile(rf"(?<![\d.]){date}(?!\d){_CLOCK}", re.IGNORECASE)
+    any_case(rf"(?<![\d.]){date}(?!\d){_CLOCK}")
     for date in (
         r"(?P<year>\d{4})[-/](?P<month>\d{1,2})[-/](?P<day>\d{1,2})",
         r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4}|\d\d)",
@@ -169,8 +170,7 @@ def _time_of(match: re.Match[str]) -> datetime | None:
         time = datetime(year, month, int(match["day"]), int(hour), int(minute), int(second))
     except ValueError:
         return None
-    zone_offset = _ZONES.get((match["zone"] or "").upper(), 0.0)
-    return time - timedelta(hours=zone_offset)
+    return time - timedelta(hours=_ZONES.get((match["zone"] or "").upper(), 0.0))
 
 
 def _clean_name(name: str) -> str:
@@ -200,5 +200,4 @@ def _words_and_numbers(name: str) -> tuple[list[str], list[int]]:
     an event, such as "earthquake"."""
     parts = re.findall(r"[^\W\d_]+|\d+", _IGNORED_WORDS.sub(" ", name.lower()))
     words = [part for part in parts if not part.isdecimal()]
-    numbers = [int(part) for part in parts if part.isdecimal()]
-    return words, numbers
+    return words, [int(part) for part in parts if part.isdecimal()]

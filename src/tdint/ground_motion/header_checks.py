@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tdint.arrays import max_absolute
 from tdint.ground_motion import miniseed_checks
 from tdint.ground_motion.miniseed_checks import (
     CHECKSUM,
@@ -263,7 +264,7 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
         statements.append(Statement(SAMPLES, round(length), len(trace.data)))
         if len(trace.data):
             samples = np.asarray(trace.data, dtype=np.float64)
-            peak = float(np.max(np.abs(samples - samples.mean()))) * trace.stats.calib / _GAL
+            peak = max_absolute(samples - samples.mean()) * trace.stats.calib / _GAL
             rounding = _PRINTED + _OFFSET * peak
             statements.append(Statement(PEAK, header.accmax, peak, rounding, "gal", measured=True))
     return statements

@@ -17,15 +17,15 @@ from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.events import is_same_event, parse_event
 from tdint.ground_motion.record import Record, component_names
-from tdint.number_parsing import abbreviate
+from tdint.number_parsing import abbreviate, any_case
 
-_VERTICAL = re.compile(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
-_WITH_LOCATION = re.compile(r"([A-Z][GHLN][ENZ12])\d\d", re.IGNORECASE)
+_VERTICAL = any_case(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z")
+_WITH_LOCATION = any_case(r"([A-Z][GHLN][ENZ12])\d\d")
 """Pattern of a SEED channel code followed by the location code, as in files of NGA-East (BHZ00)."""
 _AZIMUTH = re.compile(r"\d{1,3}")
-_QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
-_NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)
-_EAST = re.compile(r"E-?W\d?|([A-Z]{2})?E", re.IGNORECASE)
+_QUADRANT = any_case(r"([NS])(\d{1,2})([EW])")
+_NORTH = any_case(r"N-?S\d?|([A-Z]{2})?N")
+_EAST = any_case(r"E-?W\d?|([A-Z]{2})?E")
 _MIN_AZIMUTH = 4  # degrees; the component names 1, 2 and 3 are channel numbers
 _PERPENDICULAR_AXES = ({"1", "2"}, {"X", "Y"}, {"R", "T"}, {"N", "P"})
 """Last characters of the names of two perpendicular components, for example HN1 and HN2, radial and
@@ -166,10 +166,8 @@ def _check_directions(first: Record, second: Record, source: str) -> list[str]:
     if at_right_angles(first.component, second.component):
         return []
     names = f"{first.component or 'one'} and {second.component or 'the other'}"
-    first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
-    if first_azimuth is not None and second_azimuth is not None:
-        # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
-        angle = abs((second_azimuth - first_azimuth + 90.0) % 180.0 - 90.0)
+    angle = _angle_between(first.component, second.component)
+    if angle is not None:
         raise RecordError(
             f"{source}: two components at right angles are required, but the directions "
             f"{names} differ by {angle:.4g} degrees; select two other components"
@@ -305,6 +303,15 @@ def _channel_code(component: str) -> str:
     return match[1] if match else name
 
 
+def _angle_between(component: str, other: str) -> float | None:
+    """Return the angle between two directions, degrees; None if a name states no direction."""
+    first, second = azimuth(component), azimuth(other)
+    if first is None or second is None:
+        return None
+    # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
+    return abs((second - first + 90.0) % 180.0 - 90.0)
+
+
 def at_right_angles(component: str, other: str) -> bool:
     """Return True if two component names are perpendicular: by their azimuths (000, EW, HNE), or as
     a pair such as HN1 and HN2 or X and Y. Of names that differ in one word, such as the columns
@@ -313,10 +320,8 @@ def at_right_angles(component: str, other: str) -> bool:
     differing = [pair for pair in zip(words, other_words, strict=False) if pair[0] != pair[1]]
     if len(words) == len(other_words) > 1 and len(differing) == 1:
         component, other = differing[0]
-    first, second = azimuth(component), azimuth(other)
-    if first is not None and second is not None:
-        # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
-        angle = abs((second - first + 90.0) % 180.0 - 90.0)
+    angle = _angle_between(component, other)
+    if angle is not None:
         return abs(angle - 90.0) <= _ANGLE_TOLERANCE
     name, other_name = map(_channel_code, (component, other))
     # R01 and R02 are numbers of motions.
@@ -330,20 +335,17 @@ def at_right_angles(component: str, other: str) -> bool:
 
 # ---- Grouping of files into pairs of horizontal components, by usual or user-specified names
 
-_KNET = re.compile(r"\.(?P<component>EW|NS|UD)(?=\d?$)", re.IGNORECASE)
-_NGA_EAST = re.compile(
-    rf"(?<![A-Z0-9])(?P<component>{_WITH_LOCATION.pattern})(?=\.AT2$)", re.IGNORECASE
-)
-_PEER = re.compile(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
-_SEED = re.compile(r"(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])", re.IGNORECASE)
-_ENDING = re.compile(
+_KNET = any_case(r"\.(?P<component>EW|NS|UD)(?=\d?$)")
+_NGA_EAST = any_case(rf"(?<![A-Z0-9])(?P<component>{_WITH_LOCATION.pattern})(?=\.AT2$)")
+_PEER = any_case(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)")
+_SEED = any_case(r"(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])")
+_ENDING = any_case(
     r"(?:(?<=[-_])|(?<=\.)(?=\w+\.))"
     r"(?P<component>(?:NS|EW|UD)[12]?|SN|WE|UP|DN|VERT?|FN|FP|H[12]|[NEZXYRT])"
-    r"(?=(?:\.[A-Z]\w*){0,2}$)",
-    re.IGNORECASE,
+    r"(?=(?:\.[A-Z]\w*){0,2}$)"
 )
-_DIRECTION = re.compile(
-    r"[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)", re.IGNORECASE
+_DIRECTION = any_case(
+    r"[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)"
 )
 """Direction in degrees at the end of a file name of any format. A number is not necessarily a
 component (R001.csv), so this pattern counts only for two files at right angles."""
@@ -448,8 +450,7 @@ def motion_names(files: Sequence[str]) -> list[str]:
     # Files without a recognized component are grouped by their names without the direction.
     groups: dict[str, list[tuple[int, str]]] = {}  # (index in files, direction) of each file
     for index, (file, name) in enumerate(zip(files, names, strict=True)):
-        has_component = name != file
-        match = None if has_component else _DIRECTION.search(Path(file).name)
+        match = _DIRECTION.search(Path(file).name) if name == file else None
         if match:
             group_name = _replace_component(file, match)
             groups.setdefault(group_name, []).append((index, match["component"]))

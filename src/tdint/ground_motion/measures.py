@@ -73,6 +73,9 @@ _MAX_FINAL_DISPLACEMENT = 0.5
 _MAX_FINAL_VELOCITY = 0.1
 """Fraction of the peak velocity; a larger final velocity is reported."""
 
+_without_warnings = partial(np.errstate, over="ignore", invalid="ignore")
+"""Context in which numbers outside the range of double precision give no warnings."""
+
 
 class Motion(NamedTuple):
     """Velocity and displacement of the ground, computed by integration of the acceleration.
@@ -158,7 +161,7 @@ def measure(record: Record) -> Measures:
         Intensity measures in SI units; infinite or nan if a value exceeds the range of floats.
     """
     # As a decorator, errstate would share its saved state between threads (numpy before 2).
-    with np.errstate(over="ignore", invalid="ignore"):
+    with _without_warnings():
         motion = integrate(record)
         leading, trailing = zeros_at_ends(record.acceleration)
         doubts = _doubts(record, motion)
@@ -172,7 +175,7 @@ def measure(record: Record) -> Measures:
     )
     del motion  # its arrays are as large as the record
     # Integrals that several measures need are computed once.
-    with np.errstate(over="ignore", invalid="ignore"):
+    with _without_warnings():
         energy = cumulative_energy(record)
         from_integrals = {
             "pgv": pgv if stored_pgv is None else stored_pgv,
@@ -502,9 +505,7 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
         """Return the integral of |x| over the accelerations x from 0 to `value` that reach the
         threshold, m^2/s^4."""
         size = np.abs(value)
-        return np.asarray(
-            np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
-        )
+        return np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
 
     def sum_of_means(a: Array, b: Array) -> float:
         """Return the sum of the mean counted absolute accelerations of sampling intervals."""
@@ -558,7 +559,7 @@ def a95(record: Record) -> float:
         # or 1 if the acceleration is constant.
         change = np.where(a == b, 1.0, b - a)
         time_fraction = np.where(a == b, np.abs(a) <= level, (high - low) / change)
-        return np.asarray(time_fraction * (low * low + low * high + high * high))
+        return time_fraction * (low * low + low * high + high * high)
 
     blocks = [(a / peak, b / peak) for _, a, b in _intervals(record)]
     target = _A95 * sum(float(np.sum(energies_below(1.0, a, b))) for a, b in blocks)
@@ -692,7 +693,7 @@ class Measure:
         record : Record
             Ground motion.
         """
-        with np.errstate(over="ignore", invalid="ignore"):
+        with _without_warnings():
             return float(self.value(record))
 
     @property
@@ -778,7 +779,7 @@ def baseline_notes(record: Record) -> tuple[str, ...]:
     These are the notes of `measure` about a large first sample, and about a velocity or a
     displacement that ends far from zero.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
+    with _without_warnings():
         return tuple(map(str, _doubts(record, integrate(record))))
 
 
@@ -788,7 +789,7 @@ def baseline_notes_of_suite(records: Iterable[Record]) -> list[str]:
     """
     doubts_by_subject: dict[str, list[tuple[Record, _Doubt]]] = {}
     for record in records:
-        with np.errstate(over="ignore", invalid="ignore"):
+        with _without_warnings():
             doubts = _doubts(record, integrate(record))
         for doubt in doubts:
             doubts_by_subject.setdefault(doubt.subject, []).append((record, doubt))

@@ -578,8 +578,7 @@ def _check_space(record: DataRecord, content: bytes, headers_end: int, is_big_en
                 f"states byte {record.data}"
             )
         byte_order = ">" if is_big_endian else "<"
-        version = _STEIM[record.encoding]
-        max_samples = most_samples(content[record.data :], version, byte_order)
+        max_samples = most_samples(content[record.data :], _STEIM[record.encoding], byte_order)
     elif record.encoding in _WIDTHS:
         if _WIDTHS[record.encoding] % 4 == 0 and record.data % 4:
             raise Damaged(

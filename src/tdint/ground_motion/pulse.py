@@ -66,7 +66,7 @@ class VelocityPulse:
         cosine_rate = -omega * np.sin(omega * time + self.phase)
         is_inside = np.abs(time) <= 0.5 * self.duration
         rate = 0.5 * self.velocity * (envelope_rate * cosine + envelope * cosine_rate)
-        return np.asarray(np.where(is_inside, rate, 0.0))
+        return np.where(is_inside, rate, 0.0)
 
 
 def motion_text(motion: VelocityPulse, *, unit: str) -> str:

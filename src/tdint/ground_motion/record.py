@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import max_absolute
+from tdint.arrays import Array, max_absolute
 from tdint.errors import OutputError, RecordError
 from tdint.ground_motion.origin import MotionOrigin
 from tdint.number_parsing import pluralize
@@ -155,7 +155,7 @@ class Record(Tabular):
         The file has further channels with the name of the component, or further stations.
     """
 
-    acceleration: NDArray[np.float64]
+    acceleration: Array
     dt: float
     start: str
     id: str
@@ -257,7 +257,7 @@ class Record(Tabular):
         return (self.samples - 1) * self.dt
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Array:
         """Times of the samples from 0 at the first sample, s, shape (samples,)."""
         return np.asarray(self.dt * np.arange(self.samples), np.float64)
 

@@ -88,14 +88,14 @@ def without_offset(samples: Array, quantity: str) -> Array:
         `acceleration`, `velocity` or `displacement`.
     """
     if quantity != "displacement":
-        return np.asarray(samples - np.median(samples))
+        return samples - np.median(samples)
     # The sum of squared increments remains small until the shaking starts.
     sums = np.cumsum(np.diff(samples) ** 2)
     if sums.size:
         quiet_samples = int(np.searchsorted(sums, _PRE_EVENT_FRACTION * sums[-1])) + 1
     else:
         quiet_samples = samples.size
-    return np.asarray(samples - np.median(samples[:quiet_samples]))
+    return samples - np.median(samples[:quiet_samples])
 
 
 def has_offset(acceleration: Array) -> bool:
@@ -116,8 +116,7 @@ def has_offset(acceleration: Array) -> bool:
     centered = acceleration - np.median(acceleration)
     independent_samples = 1 + np.count_nonzero(np.diff(np.sign(centered)))
     mean_sign = abs(np.mean(np.sign(acceleration)))
-    limit = _MAX_STANDARD_ERRORS / math.sqrt(independent_samples)
-    return bool(mean_sign > limit)
+    return bool(mean_sign > _MAX_STANDARD_ERRORS / math.sqrt(independent_samples))
 
 
 def in_band(

@@ -68,8 +68,7 @@ inerters."""
 def method_of(model: Model, requested: str | None = None) -> str:
     """Return the method of a model: the requested method, that of its file, or the default."""
     uses_matrices = model.matrices is not None or (model.has_inertance and model.has_linear_springs)
-    default = EXACT if uses_matrices else DEFAULT_METHOD
-    return requested or model.analysis.method or default
+    return requested or model.analysis.method or (EXACT if uses_matrices else DEFAULT_METHOD)
 
 
 def _methods_of(family: str) -> tuple[Method, ...]:

@@ -22,8 +22,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.kernels import layout as rows
 from tdint.kernels.linear_terms import below, count_masses, finite, force_value, tie
 from tdint.kernels.stepping import step_kernel
@@ -34,7 +34,7 @@ from tdint.methods.method import Family, Method
 if TYPE_CHECKING:
     from tdint.model.building import Building
 
-Array = NDArray[np.float64]
+Array = Array
 
 
 @step_kernel

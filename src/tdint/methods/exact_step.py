@@ -9,9 +9,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tdint.arrays import Array
+
+Array = Array
 
 # Limit of max(1, 2 xi) omega h below which power series are used, because the closed form suffers
 # from cancellation. Above it, the series would need more than 42 terms.

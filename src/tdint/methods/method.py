@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.kernels import layout as rows
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class Family:
     shifts: tuple[float, ...] = (0.0, 0.0, 1.0)
     parabolic: bool = False
     mean_rule: tuple[float, float] = (0.5, 0.5)
-    prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
+    prepare: Callable[[Building, Array, float], Array] | None = None
     moments: Callable[[Building, float], int] | None = None
     step_peaks: int = 0
     devices: bool = False
@@ -286,9 +286,7 @@ class Integrator:
         """
         return self.method.rho_inf(*self.values)
 
-    def coefficients(
-        self, building: Building, forces: NDArray[np.float64], h: float
-    ) -> NDArray[np.float64]:
+    def coefficients(self, building: Building, forces: Array, h: float) -> Array:
         """Return the coefficients of the compiled step for one building and the time step h.
 
         They depend on building, forces and h only if the family has the function `prepare`. Their

@@ -58,8 +58,7 @@ def references() -> dict[str, tuple[Publication, ...]]:
     for entry in entries:
         fields = dict(re.findall(_FIELD, entry))
         methods = fields.pop("keywords").split(", ")
-        key = entry.partition("{")[2].partition(",")[0]
-        publication = Publication(key, **fields)
+        publication = Publication(entry.partition("{")[2].partition(",")[0], **fields)
         for method in methods:
             publications[method] = (*publications.get(method, ()), publication)
     return publications

@@ -23,8 +23,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import FULL, inline, outlined
 from tdint.kernels.equations.newton import (
@@ -254,7 +254,7 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
     return (w1, 0.5 * w1, 1.0 / e, n / (2.0 * e), q / e, 1.0 / d, n / (2.0 * d))
 
 
-def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
+def _amplification_at_infinity(row: tuple[float, ...]) -> Array:
     """Return the amplification matrix of (u, h v, h^2 a) for omega h to infinity.
 
     The restoring force dominates at infinite frequency, so that the displacement at the weighted

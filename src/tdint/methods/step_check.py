@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
 from tdint.errors import AnalysisError, TdintError
 from tdint.kernels import layout as rows
 from tdint.kernels.located_peaks import update_located_peaks
@@ -325,7 +325,7 @@ def _relative_error(arrays: Workspace, parts: int, reference: Array) -> float:
 
     `reference` contains the reference displacements at multiples of `_H`, m.
     """
-    maximum = float(np.max(np.abs(reference)))
+    maximum = max_absolute(reference)
     return _distance(_displacements(arrays, parts), reference) / maximum
 
 
@@ -446,7 +446,7 @@ def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, referenc
     """
     # Step 60 of 120 is after the first yielding.
     continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
-    limit = _NEGLIGIBLE * float(np.max(np.abs(reference)))
+    limit = _NEGLIGIBLE * max_absolute(reference)
     if _distance(continued, _displacements(arrays, 1)) <= limit:
         return ""
     return (
@@ -493,9 +493,9 @@ def _displacements(arrays: Workspace, parts: int) -> Array:
     time, one column per floor.
     """
     floors = arrays.state.shape[1] - 1
-    return np.asarray(arrays.history[::parts, 1 : 1 + floors])
+    return arrays.history[::parts, 1 : 1 + floors]
 
 
 def _distance(array: Array, other: Array) -> float:
     """Return the maximum absolute difference of two arrays of the same shape, in their unit."""
-    return float(np.max(np.abs(np.asarray(array) - other)))
+    return max_absolute(np.asarray(array) - other)

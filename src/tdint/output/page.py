@@ -310,8 +310,7 @@ class _Column(NamedTuple):
     @property
     def width(self) -> float:
         """Estimated minimum width without a wrapped number, mm."""
-        words = [*self.heading.split(), *self.cells]
-        return 1.75 * max(map(len, words)) + 2.4
+        return 1.75 * max(map(len, [*self.heading.split(), *self.cells])) + 2.4
 
 
 def _table(table: Table) -> str:

@@ -481,8 +481,7 @@ def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tu
     for name in shown:
         # A residual drift can be close to zero, so its error is given relative to the peak drift.
         references = cells[drift if name.startswith("residual") else name]
-        errors = cells[f"{name}_error"]
-        columns.append(list(map(error_percent, errors, references)))
+        columns.append(list(map(error_percent, cells[f"{name}_error"], references)))
     labels = [_quantity(table, name) for name in shown]
     meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {
         "story": table.meanings["story"]

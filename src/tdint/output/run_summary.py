@@ -11,7 +11,7 @@ from tdint.ground_motion.record import Input, Record
 from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.model.limits import QUANTITIES
+from tdint.model.limits import QUANTITIES, LimitCheck
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.output.tables import devices, matrices
 from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR, FRACTURE, element_table
@@ -23,7 +23,6 @@ from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.model.limits import LimitCheck
     from tdint.output.tables.table import Column
     from tdint.response.runs.outcome import (
         ErrorEstimate,

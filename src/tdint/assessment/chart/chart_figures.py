@@ -15,9 +15,12 @@ from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.figures.static_curves import NARROW_FOOT, PROFILE_FOOT
 from tdint.output.figures.style import (
     LIGHT,
+    Style,
     add_legend,
     is_narrow,
     method_styles,
+    new_axes,
+    new_figure,
     plain_minor_numbers,
     plain_numbers,
     titled,
@@ -153,7 +156,7 @@ def sizes_picture(
     highlight : str
         Method with a thick line in front of the other lines; empty by default.
     """
-    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+    figure = new_figure(7.5, 4.6)
     cost, accuracy = figure.subplots(1, 2)
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
     drawings = [_Drawing(chart, target) for chart in charts]
@@ -281,7 +284,7 @@ class _Drawing:
         return [min(below, key=self.cost)] if below else []
 
 
-def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
+def _styles(lines: Sequence[str], highlight: str) -> dict[str, Style]:
     """Return the style of each line of a work-precision diagram as keyword arguments of matplotlib.
 
     Markers of other programs are hollow.
@@ -300,8 +303,7 @@ def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     """Return the figure of the costs of the methods over their errors, with the gray band."""
     # In one column, the explanation is the title of the legend, and the panel is higher.
     narrow = is_narrow()
-    figure = Figure(figsize=(7.5, _HIGH if narrow else 5.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, _HIGH if narrow else 5.6)
     front = drawing.front()
     (band,) = axes.plot(
         *_columns(drawing, front),
@@ -358,7 +360,7 @@ def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list
             color=style["color"],
         )
         handles += axes.plot([], [], **style)
-    rings: dict[str, Any] = {
+    rings: Style = {
         "marker": "o",
         "markersize": 10.0,
         "markerfacecolor": "none",
@@ -416,8 +418,7 @@ def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     `highlight` is the method with a thick line in front of the other lines; empty for no such
     method.
     """
-    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 5.6)
     handles, labels = [], []
     styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
@@ -464,7 +465,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
     tolerances = sorted({profile.tolerance for profile in profiles}, reverse=True)
     narrow = is_narrow()
-    figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
+    figure = new_figure(7.5, 9.0 if narrow else 5.4)
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     plot_styles = method_styles(chart.lines, highlight)
     handles: dict[str, Any] = {}
@@ -512,7 +513,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
 
 
 def _plot_profiles(
-    axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, dict[str, Any]]
+    axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, Style]
 ) -> dict[str, Any]:
     """Plot the performance profiles of all methods for a single tolerance, over the cost divided by
     the minimum cost.

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import chosen
 from tdint.methods.method import Integrator
@@ -356,7 +356,7 @@ def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
     `REFERENCES`). The second is computed by `method` with the time step dt / `finer`.
     """
     other = reference(example, dt, method, finer)
-    return float(np.max(np.abs(reference(example, dt).displacement - other.displacement)))
+    return max_absolute(reference(example, dt).displacement - other.displacement)
 
 
 def run_example(

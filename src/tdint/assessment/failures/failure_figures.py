@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from tdint.assessment.chart.chart_figures import CHART_FOOT
 from tdint.errors import UsageError
 from tdint.output.figures import style
+from tdint.output.figures.style import Style, new_figure
 from tdint.output.printed import PRINTED
 
 if TYPE_CHECKING:
@@ -79,10 +80,10 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     for part in panel_headings:
         height += _LINE + _LETTER_WIDTH * max(map(len, part)) + size.row_height * len(methods)
     height += 1.7 if narrow else 1.13  # title and legend
-    figure = Figure(figsize=(size.width, height), layout="constrained")
+    figure = new_figure(size.width, height)
     panels = figure.subplots(len(panel_headings), 1, squeeze=False)[:, 0]
     # Each trial has a cell; text in a hatched cell has a plain background.
-    text_style: dict[str, Any] = {
+    text_style: Style = {
         "fontsize": 6.0 if PRINTED.get().width else 6.8,
         "rotation": 90.0 if size.is_vertical else 0.0,
     }

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.load_or_compile import load_or_compile
@@ -111,7 +111,7 @@ def _second_half(history: History, values: Array) -> float:
     `values` contains the values at the initial time and at the end of each time step.
     """
     steps = len(history.time) - 1
-    return float(np.max(np.abs(values[steps // 2 + 1 :])))
+    return max_absolute(values[steps // 2 + 1 :])
 
 
 def _kinetic(history: History, masses: tuple[float, ...]) -> Array:
@@ -155,7 +155,7 @@ def _hardening() -> HardProblem:
     def error(history: History) -> float:
         """Return the maximum displacement error divided by the amplitude."""
         errors = history.displacement[:, 0] - hardening_motion(history.time)
-        return float(np.max(np.abs(errors))) / _HARDENING_AMPLITUDE
+        return max_absolute(errors) / _HARDENING_AMPLITUDE
 
     return HardProblem(
         name="hardening",
@@ -185,7 +185,7 @@ _SOFTENING_AMPLITUDE, _STRENGTH = 4.0, 100.0
 
 def _log_cosh(u: Array) -> Array:
     """Return ln cosh u, the integral of tanh u, without overflow of cosh for large u."""
-    return np.asarray(np.abs(u) + np.log1p(np.exp(-2.0 * np.abs(u))) - math.log(2.0))
+    return np.abs(u) + np.log1p(np.exp(-2.0 * np.abs(u))) - math.log(2.0)
 
 
 def _softening_model() -> Model:
@@ -233,7 +233,7 @@ def _softening() -> HardProblem:
         """Return the maximum displacement error divided by the amplitude."""
         dt, steps = float(history.time[1]), len(history.time) - 1
         reference = softening_motion(dt, steps)
-        return float(np.max(np.abs(history.displacement[:, 0] - reference))) / _SOFTENING_AMPLITUDE
+        return max_absolute(history.displacement[:, 0] - reference) / _SOFTENING_AMPLITUDE
 
     return HardProblem(
         name="softening",
@@ -265,7 +265,7 @@ def soft_node_motion(time: Array) -> Array:
 
     It is the solution of u'' + u = sin 1.2 t from rest, shape (k,).
     """
-    return np.asarray(_NATURAL_AMPLITUDE * np.sin(time) + _DRIVEN_AMPLITUDE * np.sin(_DRIVE * time))
+    return _NATURAL_AMPLITUDE * np.sin(time) + _DRIVEN_AMPLITUDE * np.sin(_DRIVE * time)
 
 
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
@@ -294,7 +294,7 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
 
     def displacement_error(history: History) -> float:
         """Return the maximum error of the displacement of floor 2, m."""
-        return float(np.max(np.abs(history.displacement[:, 1] - soft_node_motion(history.time))))
+        return max_absolute(history.displacement[:, 1] - soft_node_motion(history.time))
 
     # The exact energy is the energy for infinite stiffness. Its maximum is computed from a dense
     # sample of times.
@@ -397,12 +397,12 @@ def _relative_amplitudes(history: History) -> Array:
     exact amplitude follows from the initial displacement and velocity.
     """
     sizes = np.maximum(np.abs(history.displacement[:, 0]), np.abs(history.velocity[:, 0]))
-    return np.asarray(sizes / math.hypot(history.displacement[0, 0], history.velocity[0, 0]))
+    return sizes / math.hypot(history.displacement[0, 0], history.velocity[0, 0])
 
 
 def _oscillator_energy(history: History) -> Array:
     """Return the energy at each time step of an oscillator of unit mass and stiffness, J."""
-    return np.asarray(0.5 * (history.displacement[:, 0] ** 2 + history.velocity[:, 0] ** 2))
+    return 0.5 * (history.displacement[:, 0] ** 2 + history.velocity[:, 0] ** 2)
 
 
 def _oscillator(start: tuple[float, float]) -> Model:

@@ -357,7 +357,7 @@ def _sampled_motion(stride: int) -> Array:
     times = COARSEST / stride * np.arange(_COARSE_STEPS * stride + 1)
     frequencies = np.linspace(0.5, _MAX_FREQUENCY, 40)
     phases = 2.0 * math.pi * (np.outer(times, frequencies) + generator.uniform(size=40))
-    return np.asarray(np.sin(phases) @ generator.standard_normal(40))
+    return np.sin(phases) @ generator.standard_normal(40)
 
 
 def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:

@@ -14,7 +14,7 @@ from typing import Concatenate, ParamSpec, Protocol, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, Numbers, bisect_interval
+from tdint.arrays import Array, Numbers, bisect_interval, max_absolute
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -391,7 +391,7 @@ class Overshoot(Tabular):
         """Maximum displacement and maximum velocity, each divided by the maximum of the exact
         motion. Both are infinite if the response grew without bound.
         """
-        u, v = (float(np.max(np.abs(values))) for values in (self.displacement, self.velocity))
+        u, v = (max_absolute(values) for values in (self.displacement, self.velocity))
         return (math.inf, math.inf) if math.isnan(u + v) else (u, v)
 
     @property

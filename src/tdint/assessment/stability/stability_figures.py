@@ -16,8 +16,11 @@ from tdint.output.figures.style import (
     COLORS,
     DASHES,
     LIGHT,
+    Style,
     add_legend,
     method_styles,
+    new_axes,
+    new_figure,
     plain_numbers,
     titled,
 )
@@ -46,7 +49,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         True to add a panel of the growth per time step around omega dt = sqrt(12), on a logarithmic
         scale.
     """
-    figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
+    figure = new_figure(7.5, 8.6 if band else 6.4)
     grid = figure.add_gridspec(3 if band else 2, 2)
     radius, *others = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
     styles = _curve_styles(curves)
@@ -90,7 +93,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     motions : sequence of Overshoot
         First time steps of each method, start and damping ratio; at least one.
     """
-    figure = Figure(figsize=(7.5, 6.4), layout="constrained")
+    figure = new_figure(7.5, 6.4)
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     dampings = list(dict.fromkeys(motion.damping for motion in motions))
@@ -131,7 +134,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     return titled(figure, f"{first.method}\n{title}" if len(lines) == 1 else title)
 
 
-def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
+def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[Style]:
     """Return the style of each line as keyword arguments of matplotlib.
 
     The lines are distinguishable without color: methods differ by dashes and markers. If there are
@@ -156,7 +159,7 @@ _MAX_RADIUS = 1e3
 placement of markers at equal distances along the line would not end."""
 
 
-def plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
+def plot(axes: Any, x: Array, y: Array, style: Style) -> list[Any]:
     """Plot a line, also if no point of it is finite.
 
     `x` and `y` are the points; nan is allowed.
@@ -189,19 +192,18 @@ def accuracy_picture(
     thin : int
         Number of curves at the end that have thin lines; 0 by default.
     """
-    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 4.6)
     lines = _draw_quantity(axes, curves, quantity, thinned(_curve_styles(curves), thin))
     add_legend(figure, lines, _curve_labels(curves))
     return titled(figure, title)
 
 
-def _curve_styles(curves: Sequence[StabilityCurve | Overshoot]) -> list[dict[str, Any]]:
+def _curve_styles(curves: Sequence[StabilityCurve | Overshoot]) -> list[Style]:
     """Return the line style of each curve."""
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 
 
-def thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
+def thinned(styles: list[Style], count: int) -> list[Style]:
     """Return line styles where the last `count` lines are thin and have no markers."""
     first_thin = len(styles) - count
     return [
@@ -227,7 +229,7 @@ this range are not useful."""
 
 
 def _draw_quantity(
-    axes: Any, curves: Sequence[StabilityCurve], quantity: str, styles: Sequence[dict[str, Any]]
+    axes: Any, curves: Sequence[StabilityCurve], quantity: str, styles: Sequence[Style]
 ) -> list[Any]:
     """Plot a quantity of each curve over dt/T, and set the ranges and the labels of the axes.
 
@@ -297,13 +299,12 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
 
 def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     """Plot observed order and error at the smallest time step over the frequency ratio."""
-    figure = Figure(figsize=(7.5, 6.6), layout="constrained")
+    figure = new_figure(7.5, 6.6)
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
     lines = []
     # All lines have the same damping ratio, 0.0, so that styles differ only by method.
-    damping_ratios = [0.0] * len(methods)
-    styles = thinned(line_styles(methods, damping_ratios), thin)
+    styles = thinned(line_styles(methods, [0.0] * len(methods)), thin)
     for method, style in zip(methods, styles, strict=True):
         orders = [order for order in measured if order.method == method]
         ratios = np.array([order.frequency_ratio for order in orders])
@@ -330,8 +331,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     Markers show the orders of displacement, velocity, acceleration and algorithmic acceleration. A
     row without order (the errors are rounding errors) has a text instead.
     """
-    figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 1.9 + 0.24 * len(measured))
     rows = np.arange(len(measured), 0.0, -1.0)
     marks = (
         ("displacement", "o", 8.0, "none"),
@@ -342,7 +342,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     for quantity, marker, size, fill in marks:
         orders = [order.order(quantity) for order in measured]
         label = "algorithmic acceleration" if quantity == "algorithmic_acceleration" else quantity
-        mark: dict[str, Any] = {
+        mark: Style = {
             "markersize": size,
             "markerfacecolor": fill,
             "markeredgecolor": COLORS[0],
@@ -383,7 +383,7 @@ def example_picture(
         Key of the exact solution in `tdint.assessment.examples.paper_examples.REFERENCES`.
     """
     runs = [run for run in runs if run.outcome == "done" and not run.variant]
-    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
+    figure = new_figure(7.5, 3.8)
     history_axes, close_up_axes = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     time = runs[0].motion.time
     exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
@@ -448,8 +448,7 @@ def row_picture(title: str, model: Model) -> Figure:
     count = len(model.stories)
     is_cut = count > 2 * _SHOWN
     shown = [*range(_SHOWN), *range(count - _SHOWN, count)] if is_cut else list(range(count))
-    figure = Figure(figsize=(7.5, 2.9), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 2.9)
     # Three dots have the width of a mass. `is_cut` (True) counts as 1.
     axes.set(xlim=(-0.15, len(shown) + is_cut + 0.5), ylim=(-0.85, 0.95), aspect="equal")
     axes.axis("off")
@@ -482,7 +481,7 @@ def row_picture(title: str, model: Model) -> Figure:
 
 def _draw_link(axes: Any, start: float, end: float) -> None:
     """Plot a spring and a dashpot below the spring, from the abscissa `start` to `end`."""
-    black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
+    black: Style = {"color": "black", "linewidth": 0.9}
     middle = 0.5 * (start + end)
     # The spring is a zigzag line between two straight parts.
     teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
@@ -516,5 +515,4 @@ def _draw_mass(axes: Any, model: Model, index: int, left: float) -> None:
                     terms.append(f"{amplitude:g} {function} {force.omega:g}t")
     if terms:
         axes.annotate("", (left + _SIDE, 0.45), (left, 0.45), arrowprops={"arrowstyle": "->"})
-        text = f"{' + '.join(terms)} N"
-        axes.text(center, 0.55, text, ha="center", va="bottom", fontsize=7.0)
+        axes.text(center, 0.55, f"{' + '.join(terms)} N", ha="center", va="bottom", fontsize=7.0)

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import ellipj, ellipk
 
 from tdint.arrays import Array as Array
+from tdint.arrays import max_absolute
 from tdint.ground_motion.reading.read import make_record
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
@@ -261,7 +262,7 @@ def _energy_conservation() -> Array:
     # 100 u + 1000 u^3.
     u, v = history.displacement[:, 0], history.velocity[:, 0]
     energy = 0.5 * v**2 + 50.0 * u**2 + 250.0 * u**4
-    return np.array([np.max(np.abs(energy / energy[0] - 1.0))])
+    return np.array([max_absolute(energy / energy[0] - 1.0)])
 
 
 def _bilinear_loop() -> Array:
@@ -320,7 +321,7 @@ def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10
     }
     force = [10.0 * math.sin(math.pi * i / 6.0) if i < 6 else 0.0 for i in range(11)]
     record = make_record([-p / 0.2533 for p in force], dt=0.1, units="in/s^2")
-    return np.asarray(_history(model, record, method=method).displacement[1 : steps + 1, 0] / INCH)
+    return _history(model, record, method=method).displacement[1 : steps + 1, 0] / INCH
 
 
 _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
@@ -343,7 +344,7 @@ def _bathe(method: str) -> Array:
         "excitation": {"forces": [{"floor": 2, "amplitude": 10, "omega": 0, "phase": "cos"}]},
         "analysis": {"dt": 0.28, "duration": 3.36},
     }
-    return np.asarray(_history(model, method=method).displacement[-1, :2])
+    return _history(model, method=method).displacement[-1, :2]
 
 
 def _five_yielding_stories() -> Array:
@@ -356,12 +357,12 @@ def _five_yielding_stories() -> Array:
     }
     samples = [1.93 * math.sin(2.0 * math.pi * i / 10) if i <= 10 else 0.0 for i in range(21)]
     record = make_record(samples, dt=0.1, units="m/s^2")
-    return np.asarray(_history(model, record, method="newmark-average").displacement[-1:, 4])
+    return _history(model, record, method="newmark-average").displacement[-1:, 4]
 
 
 def _circular_frequencies(*stories: dict[str, Any]) -> Array:
     """Return the circular frequencies (rad/s) of a building with these stories."""
-    return np.asarray(modes(load_model({"stories": list(stories)})).omega)
+    return modes(load_model({"stories": list(stories)})).omega
 
 
 def _eigenvalues_of_three_masses() -> Array:

@@ -7,24 +7,23 @@ export).
 
 from __future__ import annotations
 
-import re
-
 from tdint.errors import RecordError
 from tdint.ground_motion.formats import series
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizer
+from tdint.number_parsing import any_case
 
 _TITLE = r"^\s*STRONG GROUND MOTION RECORDS OF TURK"
 _POINTS = rf"^\s*NUMBER OF DATA\s*:\s*({COUNT})\s*$"
 _STEP = rf"^\s*SAMPLING INTERVAL\s*\(sec\)\s*:\s*({NUMBER})\s*$"
 _PEAKS = r"^\s*RAW PGA VALUES\s*\(([^)]*)\)\s*:(.*)"
-_PEAK = re.compile(rf"\(([-A-Z]+)\)\s*({NUMBER})", re.IGNORECASE)
+_PEAK = any_case(rf"\(([-A-Z]+)\)\s*({NUMBER})")
 _STATION = r"^\s*STATION ID\s*:\s*(\S+)"
 _START = (
     r"^\s*RECORD TIME\s*:\s*(?P<day>\d+)/(?P<month>\d+)/(?P<year>\d+)\s+"
     rf"{series.CLOCK}\s*\((?:GMT|UTC)\)"
 )
 _EARTHQUAKE = r"^\s*EARTHQUAKE DATE\s*:\s*(\d.*?)\s*\(?(?:GMT|UTC)\)?\s*$"
-_NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
+_NAMES = any_case(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}")
 
 
 @recognizer

@@ -24,25 +24,22 @@ from tdint.ground_motion.formats.lines import (
 from tdint.ground_motion.formats.series import Series, code, motion_units, reader, required_units
 from tdint.ground_motion.origin import MotionOrigin, header_statement, stated_origin
 from tdint.ground_motion.record import Record
+from tdint.number_parsing import any_case
 from tdint.units import STANDARD_GRAVITY
 
 _COUNT_AND_STEP = (
-    re.compile(rf"\bNPTS?\s*[=:]?\s*({COUNT})\s*[,;]?\s*DT\s*[=:]?\s*({NUMBER})", re.IGNORECASE),
-    re.compile(rf"^\s*({COUNT})[\s,;]+({NUMBER})[\s,;]+NPTS?\s*[,;]?\s*DT\b", re.IGNORECASE),
+    any_case(rf"\bNPTS?\s*[=:]?\s*({COUNT})\s*[,;]?\s*DT\s*[=:]?\s*({NUMBER})"),
+    any_case(rf"^\s*({COUNT})[\s,;]+({NUMBER})[\s,;]+NPTS?\s*[,;]?\s*DT\b"),
 )
 _UNITS = (
-    re.compile(
-        r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN)[\s:=]+)*[(\[]?\s*([A-Z/][A-Z0-9/^*']*)",
-        re.IGNORECASE,
-    ),
-    re.compile(
-        r"\b(?:ACCELERATION|VELOCITY|DISPLACEMENT)(?:\s+TIME\s+(?:HISTORY|SERIES))?\s+IN\s+(?!UNITS)([A-Z/][A-Z0-9/^*']*)",
-        re.IGNORECASE,
+    any_case(r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN)[\s:=]+)*[(\[]?\s*([A-Z/][A-Z0-9/^*']*)"),
+    any_case(
+        r"\b(?:ACCELERATION|VELOCITY|DISPLACEMENT)(?:\s+TIME\s+(?:HISTORY|SERIES))?\s+IN\s+(?!UNITS)([A-Z/][A-Z0-9/^*']*)"
     ),
 )
-_OTHER = re.compile(r"\b(VELOCITY|DISPLACEMENT)\s+TIME\s+(?:HISTORY|SERIES)", re.IGNORECASE)
-_TITLE = re.compile(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERING", re.IGNORECASE)
-_COMPONENT = re.compile(r"\s*([A-Z0-9]{1,6})\b", re.IGNORECASE)
+_OTHER = any_case(r"\b(VELOCITY|DISPLACEMENT)\s+TIME\s+(?:HISTORY|SERIES)")
+_TITLE = any_case(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERING")
+_COMPONENT = any_case(r"\s*([A-Z0-9]{1,6})\b")
 _START = re.compile(r"\d{4}-\d\d-\d\dT[\d:.]+Z")  # start time in files written by tdint
 _WRITTEN_HERE = "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT"
 _ORIGIN = "; ORIGIN "

@@ -22,11 +22,12 @@ from tdint.ground_motion.formats.lines import (
 )
 from tdint.ground_motion.formats.series import Header, Series, by_parts, required_units
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
+from tdint.number_parsing import any_case
 
 _TITLE = r"^\s*\*\s*VOL1\w*\s+FILE:"
 _COMPONENT = r"^\s*COMP\s+([A-Z])(\d*)"
 _AZIMUTHS = r"\bAzimuth\s+((?:[A-Z]\s+\d{1,3}\s*)+)"
-_AZIMUTH = re.compile(r"([A-Z])\s+(\d{1,3})", re.IGNORECASE)
+_AZIMUTH = any_case(r"([A-Z])\s+(\d{1,3})")
 _STATION = r"^\s*(\S.*?)\s+(?-i:Station)\b"
 _ORIGIN = r"^\s*Origin Time\s*:\s*(\d{4}/\d+/\d+\s+\d+:\d\d(?::\d\d)?)"
 """Pattern of the origin time of the earthquake, UTC."""

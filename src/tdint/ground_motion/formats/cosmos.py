@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizer
 from tdint.ground_motion.formats.series import (
@@ -25,26 +25,25 @@ from tdint.ground_motion.formats.series import (
     moment,
     motion_units,
 )
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import any_case, pluralize
 from tdint.units import parse_units
 
 IS_OF_ONE_QUANTITY = True  # some programs write each quantity to a separate file
 
-_TITLE = re.compile(r"\(Format v0?1\.\d+ with\s+(\d{1,3}) text lines\)", re.IGNORECASE)
-_INTEGERS = re.compile(rf"^\s*({COUNT})\s+Integer-header values follow on", re.IGNORECASE)
-_REALS = re.compile(rf"^\s*({COUNT})\s+Real-header values follow on", re.IGNORECASE)
-_COMMENTS = re.compile(rf"^\s*({COUNT})\s+Comment line\(?s?\)? follow", re.IGNORECASE)
-_BLOCK = re.compile(
+_TITLE = any_case(r"\(Format v0?1\.\d+ with\s+(\d{1,3}) text lines\)")
+_INTEGERS = any_case(rf"^\s*({COUNT})\s+Integer-header values follow on")
+_REALS = any_case(rf"^\s*({COUNT})\s+Real-header values follow on")
+_COMMENTS = any_case(rf"^\s*({COUNT})\s+Comment line\(?s?\)? follow")
+_BLOCK = any_case(
     rf"^\s*({COUNT})\s+([a-z. ]+?)\s+(?:pts|points)\b(?:.*?approx\s*({COUNT})\s*secs)?"
-    r".*?units\s*=\s*([^,(]*)(?:\(\s*0*(\d+)\s*\))?",
-    re.IGNORECASE,
+    r".*?units\s*=\s*([^,(]*)(?:\(\s*0*(\d+)\s*\))?"
 )
 """Pattern of the line before a block of samples. Its groups are the number of samples, the
 quantity, the approximate duration (s; None if not stated), the name of the units, and the number of
 the units in table 2 of the format (None if not stated)."""
 
-_FORMAT = re.compile(r"Format\s*=\s*\(\s*\d*\s*[IFEDG](\d{1,3})", re.IGNORECASE)
-_END = re.compile(r"\s*(?:/&|End-of-data)", re.IGNORECASE)
+_FORMAT = any_case(r"Format\s*=\s*\(\s*\d*\s*[IFEDG](\d{1,3})")
+_END = any_case(r"\s*(?:/&|End-of-data)")
 
 _UNKNOWN = rf"unknown/unspecified:\s*{NUMBER}\s*,?\s*({NUMBER})"
 _STATION = r"^\s*Stat\w*\s+No\b.*?\bCode:\s*(\w+)-(\w+)"
@@ -106,7 +105,7 @@ def read_cosmos(lines: Lines) -> list[Series]:
     header += [lines.take() for _ in range(int(_read_announcement(_COMMENTS, lines)[1]))]
     series: list[Series] = []
     peaks: dict[str, float | None] = {}  # peak velocity and displacement in SI units
-    other_blocks: list[tuple[NDArray[np.float64], re.Match[str]]] = []
+    other_blocks: list[tuple[Array, re.Match[str]]] = []
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         samples = lines.numbers(int(block[1]), _width(line))
@@ -165,7 +164,7 @@ def _width(line: str) -> int | None:
 
 
 def _series(
-    samples: NDArray[np.float64],
+    samples: Array,
     block: re.Match[str],
     header: Header,
     integers: list[float],

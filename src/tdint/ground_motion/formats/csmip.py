@@ -14,8 +14,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import numpy as np
-
+from tdint.arrays import max_absolute
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import (
     COUNT,
@@ -34,6 +33,7 @@ from tdint.ground_motion.formats.series import (
     required_units,
 )
 from tdint.ground_motion.miniseed_checks import PEAK, Statement, compare, last_place
+from tdint.number_parsing import any_case
 
 REAL_WIDTH = 10  # characters of a real number of the header
 REALS = 50  # number of real numbers in the header of volume 1
@@ -112,17 +112,15 @@ _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
 _FIRST_YEAR_OF_1900S = 50
 """Two-digit years from this value on are years of the 20th century."""
 
-_EQUAL = re.compile(
-    rf"^\s*({COUNT})\s+\w+ points at\s+({NUMBER})\s+pts/sec in units of\s+([A-Z/^0-9]+)",
-    re.IGNORECASE,
+_EQUAL = any_case(
+    rf"^\s*({COUNT})\s+\w+ points at\s+({NUMBER})\s+pts/sec in units of\s+([A-Z/^0-9]+)"
 )
 """Pattern of the line before samples at equal steps in volume 1; its groups are the number of
 samples, the sampling rate (1/s) and the units."""
-_BLOCK = re.compile(
+_BLOCK = any_case(
     rf"^\s*({COUNT})\s+points of\s+(accel|veloc|displ)\w*\s+data equally spaced "
     rf"at\s+({NUMBER})\s+sec.*?"
-    r"(?:UNITS?\s*:?|IN)\s*\(?\s*([A-Z/^0-9]+)",
-    re.IGNORECASE,
+    r"(?:UNITS?\s*:?|IN)\s*\(?\s*([A-Z/^0-9]+)"
 )
 """Pattern of the line before a block of samples; its groups are the number of samples, the quantity
 (ACCEL, VELOC or DISPL), the sampling interval (s) and the units."""
@@ -130,7 +128,7 @@ _BLOCK = re.compile(
 _THREE_BLOCKS = r"\bPOINTS OF .*-CORRECTED (ACCEL, VELOC AND DISPL) DATA"
 """Pattern of the text of a channel with blocks of all three quantities."""
 
-_FORMAT = re.compile(r"\(\s*\d*\s*[FEG](\d{1,3})", re.IGNORECASE)
+_FORMAT = any_case(r"\(\s*\d*\s*[FEG](\d{1,3})")
 _PEAK = (
     rf"\bMAX\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)",
     rf"\bPEAK ACCELERATION\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)",
@@ -244,7 +242,7 @@ def _volume_2(lines: Lines, header: Header) -> Series:
             continue
         block, samples = blocks[word]
         if stated := header.field(_OTHER_PEAK[word]):
-            peak = float(np.max(np.abs(samples), initial=0.0))
+            peak = max_absolute(samples)
             rounding, name = last_place(stated) + 1e-9 * peak, f"{PEAK} {quantity}"
             compare([Statement(name, abs(float(stated)), peak, rounding, block[4], measured=True)])
         peaks[quantity] = largest_value(samples, block[4], quantity)

@@ -13,6 +13,7 @@ from functools import partial
 
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizer
 from tdint.ground_motion.formats.series import CLOCK, Header, Series, code, reader, required_units
+from tdint.number_parsing import any_case
 
 _POINTS = (
     rf"\bNO\.?\s*OF POINTS\s*:\s*({COUNT})\s+EQUALLY SPACED INTERVALS OF\s*:\s*({NUMBER})\s*SEC"
@@ -21,13 +22,11 @@ _POINTS = (
 _UNITS = r"\bACC+ELERATION\s+UNIT\s*:\s*(\S+)"
 _COMPONENT = r"^\s*COMP\.?\s*:?\s*([A-Z0-9-]+)"
 _STATION = r"^\s*STATION\s*:\s*(.*)"
-_STATION_CODE = re.compile(
-    "(?:\\(|\N{FULLWIDTH LEFT PARENTHESIS}|\xa3\xa8)\\s*([A-Z0-9]+)", re.IGNORECASE
-)
+_STATION_CODE = any_case("(?:\\(|\N{FULLWIDTH LEFT PARENTHESIS}|\xa3\xa8)\\s*([A-Z0-9]+)")
 """Pattern of a station code after the name of the station; `\\xa3\\xa8` is the full-width
 parenthesis of the encoding GBK, decoded as Latin-1."""
 _PEAK = rf"^\s*PEAK VALUE\s*:\s*({NUMBER})\s+AT\b"
-_EPICENTER = re.compile(r"^\s*EPICENTER\b", re.IGNORECASE)
+_EPICENTER = any_case(r"^\s*EPICENTER\b")
 _ORIGIN = rf"\b(?P<year>\d{{4}})-(?P<month>\d\d?)-(?P<day>\d\d?)\s+{CLOCK}\s+BTM\b"
 _BEIJING = 8.0  # offset of Beijing time from UTC, hours
 _HEADER = 40  # maximum number of lines of a header

@@ -21,6 +21,7 @@ from tdint.ground_motion.formats.lines import (
     recognizer,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
+from tdint.number_parsing import any_case
 
 _STATION = r"^#\s*StationCode\s*:\s*(\S+)"
 _TIME = rf"\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{series.CLOCK}"
@@ -28,9 +29,7 @@ _START, _ORIGIN = rf"^#\s*StartTime{_TIME}", rf"^#\s*Origin\s*Time{_TIME}"
 _LENGTH = rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})"
 _RATE = rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})"
 _UNITS = r"^#\s*AmplitudeUnit\s*:\s*([A-Z/^0-9]+)"
-_EXTREMES = re.compile(
-    rf"^#\s*AmplitudeMAX\.\s*(\w)\s*:\s*({NUMBER})\s*~\s*({NUMBER})", re.IGNORECASE
-)
+_EXTREMES = any_case(rf"^#\s*AmplitudeMAX\.\s*(\w)\s*:\s*({NUMBER})\s*~\s*({NUMBER})")
 _SEQUENCE = r"^#\s*DataSequence\s*:\s*Time\s+(.*)"
 _MAX_STATED_SAMPLES = 1e12
 """Maximum number of samples according to a header; a larger number is not compared."""

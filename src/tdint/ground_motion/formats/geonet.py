@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from math import inf, isclose
 
-import numpy as np
-
+from tdint.arrays import max_absolute
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizer
 from tdint.ground_motion.formats.series import Header, Series, by_parts, moment
@@ -58,9 +57,7 @@ def read_geonet(lines: Lines) -> list[Series]:
     reals = lines.numbers(_REALS, _WIDTH).tolist()
     accelerations, *integrals = (lines.numbers(int(integers[index]), _WIDTH) for index in _COUNTS)
     # The integrals are the velocities and the displacements; V1A files contain neither.
-    pgv, pgd = (
-        _MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in integrals
-    )
+    pgv, pgd = (_MILLI * max_absolute(samples) if samples.size else None for samples in integrals)
     # The header states the sampling interval as a number and in a sentence; both must agree.
     dt = reals[_STEP]
     match = header.match(_INTERVAL)

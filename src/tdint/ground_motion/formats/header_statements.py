@@ -19,6 +19,7 @@ from tdint.ground_motion.choice import SAME_STEP
 from tdint.ground_motion.formats import table_columns
 from tdint.ground_motion.formats.lines import COUNT, NUMBER
 from tdint.ground_motion.formats.series import motion_units
+from tdint.number_parsing import any_case
 
 MIN_COUNT = 20
 """Smallest number that counts as a number of samples; smaller numbers are values per line."""
@@ -32,7 +33,7 @@ increase with the square of its length."""
 
 _ITEMS = r"(?:POINTS|DATA|SAMPLES|VALUES|PTS|STEPS)"
 _COUNTS = tuple(
-    re.compile(pattern, re.IGNORECASE)
+    any_case(pattern)
     for pattern in (
         rf"\bN(?:PTS?|DATA|SAMPLES|POINTS)\b\s*[=:]?\s*({COUNT})\b(?!\.\d)",
         # Words may precede and follow the name: `NUMBER OF DATA POINTS (ACC) = 4000`.
@@ -50,7 +51,7 @@ _COUNTS = tuple(
 _IN_SECONDS = r"(?:[(\[]\s*(SECONDS?|SEC|S|MSEC|MS)\.?\s*[)\]])?"
 _UNIT_OF_TIME = r"(?:\(?\s*(SECONDS?|SEC|S|MSEC|MS)\b)?"
 _INTERVALS = tuple(
-    re.compile(rf"{pattern}\s*({NUMBER})\s*{_UNIT_OF_TIME}", re.IGNORECASE)
+    any_case(rf"{pattern}\s*({NUMBER})\s*{_UNIT_OF_TIME}")
     for pattern in (
         rf"\b(?:DT|DELTA[ _-]?T)\b\s*{_IN_SECONDS}\s*[=:]?",
         r"\b(?:TIME|SAMPLING|SAMPLE|DIGITI[SZ]ATION)[-_ ]*"
@@ -68,13 +69,11 @@ _INTERVALS = tuple(
 """Patterns of an interval. Groups: unit in brackets after the name, number, unit after the
 number."""
 
-_OTHER_UNIT = re.compile(
-    r"\s*\(?\s*(?:KM|DEG|M|CM|MM|HZ|SPS|%|SAMPLES|H|HR|HOURS?|MIN)(?![A-Z])", re.IGNORECASE
-)
+_OTHER_UNIT = any_case(r"\s*\(?\s*(?:KM|DEG|M|CM|MM|HZ|SPS|%|SAMPLES|H|HR|HOURS?|MIN)(?![A-Z])")
 """Units that show that a number is not an interval."""
 
 _RATES = tuple(
-    re.compile(pattern, re.IGNORECASE)
+    any_case(pattern)
     for pattern in (
         r"\b(?:SAMPL(?:E|ING)[-_ ]*(?:RATE|FREQUENCY|FREQ\.?)|"
         r"SAMPLES\s*(?:/|PER)\s*S(?:EC(?:OND)?)?)(?![A-Z])\s*"
@@ -100,7 +99,7 @@ _LONG_UNIT = rf"(?:{_UNIT.partition('|GAL')[0]}|GAL(?:E?S)?)"
 
 _NO_LONGER_UNIT = r"(?![\w/*^])"
 _UNITS = tuple(
-    re.compile(rf"{pattern}\s*({_UNIT}){_NO_LONGER_UNIT}", re.IGNORECASE)
+    any_case(rf"{pattern}\s*({_UNIT}){_NO_LONGER_UNIT}")
     for pattern in (
         r"\b(?:UNITS?|UNIDAD(?:ES)?|UNIT[EÉÀ]S?|UNIDADES?|EINHEIT(?:EN)?)(?!\w)[\s:=]*(?:(?:OF|ARE|IS|IN|ACCELERATION)[\s:=]+)*[(\[]?",
         r"\bA(?:CC(?:EL\w*)?|CELERACION\w*|CCELERAZION\w*|CC\u00c9L\w*)\b\.?"
@@ -108,42 +107,36 @@ _UNITS = tuple(
         r"\b(?:VALUES|DATA|SAMPLES|AMPLITUDES?|RECORD|HISTORY|MOTION)\s+(?:ARE\s+)?IN\b",
     )
 )
-_INTEGRAL_UNIT = re.compile(
+_INTEGRAL_UNIT = any_case(
     r"\b(?:VEL(?:OCITY)?|DISPL?(?:ACEMENTS?)?)\b[\w ]{0,20}?(?:\bIN\b|[(\[=:,])\s*"
-    rf"((?:CM|MM|M|IN|FT)(?:/S(?:EC)?)?){_NO_LONGER_UNIT}",
-    re.IGNORECASE,
+    rf"((?:CM|MM|M|IN|FT)(?:/S(?:EC)?)?){_NO_LONGER_UNIT}"
 )
-_ACCELERATION_UNIT = re.compile(
-    rf"\bACC(?:EL\w*)?\b[^\d]*?(?<![\w/])({_LONG_UNIT}){_NO_LONGER_UNIT}", re.IGNORECASE
-)
+_ACCELERATION_UNIT = any_case(rf"\bACC(?:EL\w*)?\b[^\d]*?(?<![\w/])({_LONG_UNIT}){_NO_LONGER_UNIT}")
 """Unit after a word for the acceleration, used if no other pattern matches."""
 
-_BARE_UNIT = re.compile(rf"(?<![\w/*^]){_LONG_UNIT}{_NO_LONGER_UNIT}", re.IGNORECASE)
+_BARE_UNIT = any_case(rf"(?<![\w/*^]){_LONG_UNIT}{_NO_LONGER_UNIT}")
 _AFTER_NUMBER = re.compile(r"\d\.?\s*[(\[]?\s*$")
-_OTHER_VALUE = re.compile(
+_OTHER_VALUE = any_case(
     r"peak|max|min|limit|threshold|trigger|noise|offset|drift|gravity|scale|factor|resolution|"
-    r"sensitivity|\bp?s[avd]\b|\bpg[avd]\b|vel|dis",
-    re.IGNORECASE,
+    r"sensitivity|\bp?s[avd]\b|\bpg[avd]\b|vel|dis"
 )
 """Words that show that a unit in a line without the word acceleration belongs to another value."""
 
-_PEAK = re.compile(
+_PEAK = any_case(
     r"\b(?:PGA|PEAK\s+(?:GROUND\s+)?(?:VALUE|ACC\w*\.?)|"
     r"MAX(?:IMUM)?\.?\s+(?:ABS\w*\.?\s+)?(?:VALUE|ACC\w*\.?))\s*"
-    rf"[(\[]?\s*({_UNIT})?\s*[)\]]?\s*[=:]?\s*({NUMBER})\s*[(\[]?\s*({_UNIT})?{_NO_LONGER_UNIT}",
-    re.IGNORECASE,
+    rf"[(\[]?\s*({_UNIT})?\s*[)\]]?\s*[=:]?\s*({NUMBER})\s*[(\[]?\s*({_UNIT})?{_NO_LONGER_UNIT}"
 )
 """Pattern of a peak. Groups: unit after the name, number, unit after the number."""
 
-_ACCELERATION = re.compile(r"\bACC(?:EL\w*)?\b", re.IGNORECASE)
+_ACCELERATION = any_case(r"\bACC(?:EL\w*)?\b")
 _INTEGRALS = {
-    "velocity": re.compile(r"\bVEL(?:OCITY)?\b|CM/SEC(?![/*^\w])", re.IGNORECASE),
-    "displacement": re.compile(r"\bDISPL?(?:ACEMENT)?\b", re.IGNORECASE),
+    "velocity": any_case(r"\bVEL(?:OCITY)?\b|CM/SEC(?![/*^\w])"),
+    "displacement": any_case(r"\bDISPL?(?:ACEMENT)?\b"),
 }
-_SPECTRA = re.compile(
+_SPECTRA = any_case(
     r"\b(?:(?:RESPONSE (?:AND FOURIER AMPLITUDE )?|FOURIER (?:AMPLITUDE )?)SPECTR(?:A|UM)|"
-    r"FOURIER AMPLITUDES)\b",
-    re.IGNORECASE,
+    r"FOURIER AMPLITUDES)\b"
 )
 """Pattern of a header of spectra, which data centers store as volume 3 of a record."""
 
@@ -341,7 +334,7 @@ def _declared_interval(key: str, value: str) -> list[float]:
 _INTERVAL_NAMES = {"dt": "DT", "rate": "SAMPLING RATE"}
 """Names of the keys of the sampling interval and rate in free wording."""
 
-_QUANTITY = re.compile(rf"({NUMBER})\s*([a-z/]*)", re.IGNORECASE)
+_QUANTITY = any_case(rf"({NUMBER})\s*([a-z/]*)")
 _PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
 
 

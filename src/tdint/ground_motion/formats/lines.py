@@ -17,7 +17,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import max_absolute
+from tdint.arrays import Array, max_absolute
 from tdint.errors import RecordError
 
 _UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -255,7 +255,7 @@ class Lines:
                 return list(map(_beginning, self._lines[start:index]))
         raise RecordError(f"the file is cut off or corrupt: no {expected} found after line {start}")
 
-    def numbers(self, count: int, width: int | None = None) -> NDArray[np.float64]:
+    def numbers(self, count: int, width: int | None = None) -> Array:
         """Read `count` numbers, which must end at the end of a line.
 
         Parameters
@@ -298,7 +298,7 @@ class Lines:
             )
         return self.checked(values, first)
 
-    def table(self, rows: int, columns: int) -> NDArray[np.float64]:
+    def table(self, rows: int, columns: int) -> Array:
         """Read `rows` rows with `columns` numbers per row; return shape (columns, rows).
 
         Parameters
@@ -323,7 +323,7 @@ class Lines:
             values.extend(self._row_of(columns))
         return self.checked(values, first).reshape(-1, columns).T.copy()
 
-    def remaining_rows(self, columns: int) -> NDArray[np.float64]:
+    def remaining_rows(self, columns: int) -> Array:
         """Read all rows to the end of the file, with `columns` numbers per row; return shape
         (columns, rows).
 
@@ -430,9 +430,7 @@ class Lines:
                 f"line {self._next} must contain numbers, got {line.strip()[:60]!r}"
             ) from None
 
-    def checked(
-        self, values: array[float] | NDArray[np.float64], first: int
-    ) -> NDArray[np.float64]:
+    def checked(self, values: array[float] | Array, first: int) -> Array:
         """Return the values of rows as an array, shape (values,), after checks.
 
         The rows are the lines from index `first` to the last line that has been read. If the file
@@ -638,7 +636,7 @@ def _decimals(line: str) -> list[int]:
     return [len(number.partition(".")[2]) for number in _SINGLE_NUMBER.findall(line)]
 
 
-def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, float]:
+def equal_steps(times: Array, slack: float = 0.0) -> tuple[float, float]:
     """Return the sampling interval of times in a file, which are rounded to their last decimal, and
     the departure of the times from equal steps.
 
@@ -697,7 +695,7 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     )
 
 
-def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
+def _mean_step(times: Array) -> tuple[float, float]:
     """Return the mean interval of increasing printed times, s, and the maximum departure of a time
     or an interval, s; the departure is 0 if it can result from the rounding of the times.
     """
@@ -722,16 +720,14 @@ def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
     return dt, 0.0 if departure <= allowed * (1.0 + 1e-6) else departure
 
 
-def agrees_with_times(dt: float, times: NDArray[np.float64], rounding: float) -> bool:
+def agrees_with_times(dt: float, times: Array, rounding: float) -> bool:
     """Return True if the mean interval of printed times differs from `dt`, s, by no more than the
     rounding of the first and of the last time, s."""
     intervals = times.size - 1
     return abs(dt - float(times[-1] - times[0]) / intervals) <= rounding / intervals
 
 
-def at_equal_steps(
-    times: NDArray[np.float64], samples: NDArray[np.float64], slack: float
-) -> tuple[NDArray[np.float64], float]:
+def at_equal_steps(times: Array, samples: Array, slack: float) -> tuple[Array, float]:
     """Return the samples at equal steps of a motion with printed times, and the step, s.
 
     Samples at equal steps are used unchanged. Otherwise the motion is interpolated linearly between
@@ -759,7 +755,7 @@ def at_equal_steps(
         )
     positions = times - times[0]
     multiples = dt * np.round(positions / dt)
-    if np.max(np.abs(positions - multiples)) > _SLIP * dt:
+    if max_absolute(positions - multiples) > _SLIP * dt:
         positions = multiples
     warnings.warn(
         f"the times in the file depart by up to {departure:.2g} s from equal steps of {mean:.6g} "
@@ -770,7 +766,7 @@ def at_equal_steps(
     return np.interp(dt * np.arange(count), positions, samples), dt
 
 
-def last_decimal(values: NDArray[np.float64]) -> float:
+def last_decimal(values: Array) -> float:
     """Return the value of the last decimal of printed numbers."""
     scale = max_absolute(values)
     for decimals in range(_MOST_DECIMALS):

@@ -10,9 +10,9 @@ from datetime import datetime, timedelta
 from functools import wraps
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import max_absolute
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion import miniseed_checks
 from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines
@@ -129,7 +129,7 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
         statements = []
         stated = component.peak
         if stated is not None and component.samples.size:
-            peak = float(np.max(np.abs(component.samples))) * stated.factor
+            peak = max_absolute(component.samples) * stated.factor
             # The second term allows for the rounding errors of the conversion between units.
             rounding = stated.rounding + 1e-9 * peak
             statements.append(
@@ -264,7 +264,7 @@ def largest_value(samples: NDArray[Any], units: str, quantity: str) -> float | N
     parsed = parse_units(motion) if motion else None
     if parsed is None or parsed.quantity != quantity:
         return None
-    return parsed.scale * float(np.max(np.abs(samples), initial=0.0))
+    return parsed.scale * max_absolute(samples)
 
 
 def stated_peak(number: str, units: str, sample_units: str) -> StatedPeak | None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from unicodedata import combining, normalize
 
 from tdint.errors import RecordError, UsageError
+from tdint.number_parsing import any_case
 from tdint.units import parse_units
 
 TIME, OTHER, NO_MOTION = "time", "other", "no motion"
@@ -339,7 +340,7 @@ def name_and_units(text: str) -> tuple[str, str]:
 
 COMMENT = re.compile(r"\s*(?:[#%;!]|//)+\s*(.*)")
 
-_DECLARATION = re.compile(r"\s*([a-zÀ-ÿ][a-zÀ-ÿ _]*?)\s*[=:]\s*(\S.*?)\s*", re.IGNORECASE)
+_DECLARATION = any_case(r"\s*([a-zÀ-ÿ][a-zÀ-ÿ _]*?)\s*[=:]\s*(\S.*?)\s*")
 
 # English, then Spanish, French, Italian, Portuguese and German, without accents
 _KEYS = {

@@ -18,9 +18,8 @@ from itertools import islice
 from math import inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tdint.arrays import max_absolute
+from tdint.arrays import Array, max_absolute
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, MIN_COUNT, MIN_STEP
@@ -54,7 +53,7 @@ the increase of both limits in a table with one row; it decreases with the root 
 rows."""
 
 
-def continuity(table: NDArray[np.float64]) -> tuple[str, str]:
+def continuity(table: Array) -> tuple[str, str]:
     """Return the layout of a table by its continuity, `rows`, `columns`, or an empty text if the
     continuity does not decide, and the ratios for a message; empty if the table is too small.
 
@@ -98,8 +97,8 @@ def continuity(table: NDArray[np.float64]) -> tuple[str, str]:
 
 
 def _are_equal(
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
+    first: Array,
+    second: Array,
     limits: tuple[float, float],
     wide_limits: tuple[float, float],
 ) -> bool:
@@ -112,7 +111,7 @@ def _are_equal(
     return low < _ratio_of_means(first, second) < high
 
 
-def _ratio_of_means(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+def _ratio_of_means(first: Array, second: Array) -> float:
     """Return the ratio of the mean absolute values of two arrays."""
     return _ratio(np.mean(np.abs(first)), np.mean(np.abs(second)))
 
@@ -261,8 +260,8 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
         if count and (is_timed or is_other or width == 1 or used == 1):
             if is_timed:  # the times state the interval
                 steps = [n for n in steps if _is_plausible(n)]
-            if steps:
-                return FirstNumbers(count, _interval_of(steps, layout), used)
+            if steps:  # the interval that the user specifies, otherwise the most plausible number
+                return FirstNumbers(count, next(filter(layout.has_step, steps), steps[0]), used)
             if (width == 1 or is_timed) and (used == 1 or count >= MIN_COUNT):
                 return FirstNumbers(count, 0.0, used)
         is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
@@ -282,7 +281,7 @@ def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> F
 
 
 def _number_of_samples(
-    whole: list[float], remaining: tuple[int, int], samples: NDArray[np.float64], width: int
+    whole: list[float], remaining: tuple[int, int], samples: Array, width: int
 ) -> int:
     """Return the whole number that is the number of the remaining lines or values; 0 if there is
     none."""
@@ -291,13 +290,7 @@ def _number_of_samples(
     )
 
 
-def _interval_of(steps: list[float], layout: TextLayout) -> float:
-    """Return the sampling interval in a header: the interval that the user specifies, otherwise the
-    most plausible number."""
-    return next(filter(layout.has_step, steps), steps[0])
-
-
-def is_filled(values: NDArray[np.float64], count: float, width: int) -> bool:
+def is_filled(values: Array, count: float, width: int) -> bool:
     """Return True if only zeros, which fill the last of the rows of `width` values, follow the
     first `count` values."""
     is_in_last_row = max(values.size - width, 0) < count < values.size
@@ -430,7 +423,7 @@ def _lines_above_times(numbers: Numbers, width: int) -> int:
 
 
 @np.errstate(over="ignore")  # samples up to 1.8e308
-def _lines_above_samples(table: NDArray[np.float64]) -> int:
+def _lines_above_samples(table: Array) -> int:
     """Return the number of first rows up to the last row that is as large as the peak of all rows
     below it, and does not continue to the next row, in all columns of a table; 0 without such a
     row.
@@ -455,14 +448,14 @@ def _lines_above_samples(table: NDArray[np.float64]) -> int:
     return 0
 
 
-def _differs(values: NDArray[np.float64], used: int) -> tuple[bool, int]:
+def _differs(values: Array, used: int) -> tuple[bool, int]:
     """Return True if one of the first `used` values does not continue to the samples below, and by
     how many significant digits the median sample exceeds the last of these values.
 
     A sampling interval is a round number and has few digits.
     """
     samples = values[used:]
-    largest = _JUMP * float(np.max(np.abs(np.diff(samples[:_JUMP_SAMPLES])), initial=0.0))
+    largest = _JUMP * max_absolute(np.diff(samples[:_JUMP_SAMPLES]))
     has_jump = bool(np.any(np.abs(values[:used] - samples[0]) > largest))
     others = list(islice(filter(None, samples.flat), _JUMP_SAMPLES))
     more = sorted(
@@ -472,7 +465,7 @@ def _differs(values: NDArray[np.float64], used: int) -> tuple[bool, int]:
 
 
 def _interval_alone(
-    words: list[list[str]], values: NDArray[np.float64], layout: TextLayout, number: int
+    words: list[list[str]], values: Array, layout: TextLayout, number: int
 ) -> FirstNumbers:
     """Return the sampling interval in the first line of a column; raise IncompleteRecord if the
     number may also be a sample."""

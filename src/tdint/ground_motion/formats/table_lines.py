@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.header_statements import named_integrals
 from tdint.ground_motion.formats.lines import Lines, TextLines, row_of_numbers
@@ -99,7 +100,7 @@ class NumberBlock:
 class Numbers:
     """Values of a block in the order of the file, and the number of values in each line."""
 
-    values: NDArray[np.float64]
+    values: Array
     widths: NDArray[np.signedinteger[Any]]
 
     @property
@@ -144,7 +145,7 @@ class Numbers:
         """Return the numbers without the last number of each line."""
         return Numbers(np.delete(self.values, self.line_ends[1:] - 1), self.widths - 1)
 
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> Array:
         """Return the complete lines of a regular block, shape (lines, values per line)."""
         width = int(self.widths[0])
         return self.values[: self.values.size // width * width].reshape(-1, width)
@@ -440,7 +441,7 @@ def _plain_numbers(lines: TextLines) -> Numbers | None:
     return Numbers(values, widths)
 
 
-def _numbers_of(text: bytes) -> tuple[NDArray[np.float64], NDArray[np.intp]] | None:
+def _numbers_of(text: bytes) -> tuple[Array, NDArray[np.intp]] | None:
     """Return the numbers of lines of words, and their number in each line; None if a word is not a
     number."""
     if text.translate(None, _NUMBERS + b"\t\r\v\f"):
@@ -460,9 +461,7 @@ def _numbers_of(text: bytes) -> tuple[NDArray[np.float64], NDArray[np.intp]] | N
     return None
 
 
-def _decimal_values(
-    text: bytes, starts: NDArray[np.intp], ends: NDArray[np.intp]
-) -> NDArray[np.float64] | None:
+def _decimal_values(text: bytes, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> Array | None:
     """Return the value of each word if all have the form 1.25, or all have the form 1.25E-02; None
     for other forms.
 
@@ -498,7 +497,7 @@ def _decimal_values(
     if np.max(np.abs(powers), initial=0) >= _POWERS.size:
         return None
     factors = _POWERS[np.abs(powers)]
-    values: NDArray[np.float64] = np.where(powers < 0, whole / factors, whole * factors)
+    values: Array = np.where(powers < 0, whole / factors, whole * factors)
     values[(whole == 0) & (codes[starts] == ord("-"))] = -0.0
     return values
 

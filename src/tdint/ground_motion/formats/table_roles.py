@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.lines import last_decimal
 from tdint.ground_motion.formats.table_columns import (
@@ -48,7 +48,7 @@ class Axis(NamedTuple):
     breaks: int = 0
 
 
-def axis(column: NDArray[np.float64]) -> Axis | None:
+def axis(column: Array) -> Axis | None:
     """Return the steps of a column that increases in nearly all rows; None for other columns."""
     for part in (column[: column.size // 16], column):  # a motion is recognized by its first part
         steps = np.diff(part)
@@ -69,12 +69,12 @@ def axis(column: NDArray[np.float64]) -> Axis | None:
     return Axis(bool(is_even), breaks)
 
 
-def are_times(column: NDArray[np.float64]) -> bool:
+def are_times(column: Array) -> bool:
     """Return True if all numbers increase, mostly by nearly the same step."""
     return axis(column) == Axis(is_even=True)
 
 
-def counts_rows(column: NDArray[np.float64]) -> bool:
+def counts_rows(column: Array) -> bool:
     """Return True if a column numbers the rows: it starts with 0 or 1 and increases by 1."""
     return bool(column.size >= MIN_TIMES and column[0] in (0.0, 1.0)) and all(
         np.all(np.diff(part) == 1.0) for part in (column[:MIN_TIMES], column)
@@ -140,7 +140,7 @@ def column_roles(numbers: Numbers, names: Names, text: frozenset[int], layout: T
 
 
 def other_columns(
-    columns: list[NDArray[np.float64]], indices: list[int], names: Names, *, one_sided: bool
+    columns: list[Array], indices: list[int], names: Names, *, one_sided: bool
 ) -> dict[int, str]:
     """Return the reasons why columns are no ground motion: the name states another quantity, or the
     values have one sign and are the resultant of the other columns, by the name or by the values.

@@ -8,8 +8,8 @@ from functools import cached_property
 from math import inf, isclose
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array, max_absolute
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP, TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, Statements
@@ -55,7 +55,7 @@ class TableColumns:
         The user states that samples of equal sign are a ground motion.
     """
 
-    columns: list[NDArray[np.float64]]
+    columns: list[Array]
     names: Names
     stated: Statements
     roles: Roles
@@ -79,8 +79,7 @@ class TableColumns:
 
     def name(self, index: int) -> str:
         """Return the name of a column for `column`: its text, or its number counted from 1."""
-        text = self.names[index].text if self.names else ""
-        return text[:40] or str(index + 1)
+        return (self.names[index].text if self.names else "")[:40] or str(index + 1)
 
 
 def incomplete(
@@ -97,7 +96,7 @@ def incomplete(
     if not has_units:
         others.append("the units, if they are not specified (`units`)")
     also = f"; also required: {' and '.join(others)}" if others else ""
-    peaks = [float(np.max(np.abs(table.columns[index]))) for index in table.candidates]
+    peaks = [max_absolute(table.columns[index]) for index in table.candidates]
     units = "" if has_units else likely_units(max(peaks, default=0.0))
     missing = missing._replace(step=missing.step or lacks_step, units=units)
     return IncompleteRecord(f"{reason}{also}", missing)
@@ -151,8 +150,7 @@ def table_components(table: TableColumns, layout: TextLayout, reason: str) -> li
         compared=compared,
     )
     if stated.get(ORIGIN) and len(selected) == 1:
-        origin = stated_origin(stated.get(ORIGIN), columns[selected[0]])
-        common = replace(common, origin=origin)
+        common = replace(common, origin=stated_origin(stated.get(ORIGIN), columns[selected[0]]))
     series = [_series(common, table, index, is_single=len(selected) == 1) for index in selected]
     if len(series) == 1:
         series = [_with_peak(series[0], stated)]
@@ -269,7 +267,7 @@ _CLOCKS = {unit: SECONDS[unit] for unit in ("s", "ms", "us", "ns")}
 _EPOCH = (1e9, 4e9)  # s since 1970: the years 2001 to 2096
 
 
-def _times(table: TableColumns, layout: TextLayout, index: int) -> NDArray[np.float64]:
+def _times(table: TableColumns, layout: TextLayout, index: int) -> Array:
     """Return the times of a table, s. Their unit is stated, or it follows from the first time (a
     time since 1970) or from the step of the user.
 
@@ -375,7 +373,7 @@ def _with_peak(series: Series, stated: Statements) -> Series:
     rounding = last_decimal(series.samples)
     units = series.units
     if not units and peak_units:
-        largest = float(np.max(np.abs(series.samples)))
+        largest = max_absolute(series.samples)
         tolerance = 1.01 * (last_place(number) + rounding) + 1e-6 * largest
         if abs(abs(float(number)) - largest) > tolerance:
             return series

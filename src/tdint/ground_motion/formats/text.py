@@ -31,8 +31,8 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.formats.header_statements import (
@@ -88,7 +88,7 @@ from tdint.ground_motion.formats.table_series import TableColumns, incomplete, t
 from tdint.ground_motion.messages import caught_messages
 from tdint.ground_motion.missing import Missing, OtherContent
 from tdint.ground_motion.record import has_one_sign
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import any_case, pluralize
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -165,7 +165,7 @@ def is_text(lines: list[str]) -> object:
     )
 
 
-_OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
+_OTHER_FORMAT = any_case(r"#\s*DataSequence\s*:")
 """Pattern of a comment that identifies another format (CWB)."""
 
 
@@ -289,7 +289,7 @@ def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Serie
     return table_components(table, layout, reason)
 
 
-_MILLISECONDS = re.compile(r"[(\[]\s*(?:ms|msec)\s*[)\]]|\bin (?:ms|msec)\b", re.IGNORECASE)
+_MILLISECONDS = any_case(r"[(\[]\s*(?:ms|msec)\s*[)\]]|\bin (?:ms|msec)\b")
 
 
 def _check_unit_of_times(header: Sequence[str]) -> None:
@@ -319,9 +319,7 @@ def _check_content(names: Names, header: Sequence[str], stated: Statements) -> N
         )
 
 
-_SPECTRAL_WORD = re.compile(
-    r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b|\bpg[avd]\b", re.IGNORECASE
-)
+_SPECTRAL_WORD = any_case(r"spectr\w*|\bperiods?\b|\bfrequenc\w*|\bp?sa\b|\bpg[avd]\b")
 
 
 def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
@@ -363,7 +361,7 @@ def _check_signs(table: TableColumns, header: Sequence[str]) -> None:
 # ---- Numbers around the samples
 
 
-def _columns(numbers: Numbers, kind: str) -> list[NDArray[np.float64]]:
+def _columns(numbers: Numbers, kind: str) -> list[Array]:
     """Return the columns of a table by its layout; rows of samples are one column."""
     if kind in ("single", "rows"):
         return [numbers.values]
@@ -447,8 +445,7 @@ def _stated_part(
         if total in (2 * count, 3 * count) and "velocity" in stated.integrals and count in ends:
             return 0, int(np.searchsorted(ends, count))
     for first in range(1, min(lines, _MAX_NUMBER_LINES)):
-        before = block.lines[first - 1]
-        has_whole = any(map(_INTEGER.fullmatch, before.split()))
+        has_whole = any(map(_INTEGER.fullmatch, block.lines[first - 1].split()))
         if not has_whole and numbers.widths[first - 1] == numbers.width:
             break
         if int(total - ends[first]) in stated.counts and numbers.part(first).is_regular:
@@ -765,7 +762,7 @@ def _other_names(
     return names if is_named else ()
 
 
-_SENTENCE = re.compile(r"\b(?:of|the|in|for|del?|series|history)\b", re.IGNORECASE)
+_SENTENCE = any_case(r"\b(?:of|the|in|for|del?|series|history)\b")
 """Pattern of words that occur in titles, not in the names of columns."""
 
 _NUMBER = re.compile(r"#|n|no\.?|nr\.?|number|index|i|row|line|points?|samples?|counts?")

@@ -11,21 +11,19 @@ from __future__ import annotations
 import re
 import warnings
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats import series
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizer, row_of_numbers
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import any_case, pluralize
 
 _TITLE = r"^\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N"
-_DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
+_DATA = any_case(r"\s*DATOS DE ACELERACI[OÓ]N")
 _RULER = re.compile(r"[-+]{20,}\s*")
 _STATION = r"^\s*CLAVE DE LA ESTACI[OÓ]N\s*:\s*(\S+)"
 _UNITS = r"^\s*UNIDADES DE LOS DATOS\s*:\s*([A-Z/^0-9]+)"
 _STEPS, _COUNTS, _PEAKS, _NAMES = (
-    re.compile(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)", re.IGNORECASE)
+    any_case(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)")
     for key in (
         "INTERVALO DE MUESTREO",
         r"NUM\. TOTAL DE MUESTRAS",
@@ -127,7 +125,7 @@ def _values_of_channels(pattern: re.Pattern[str], header: series.Header) -> list
     return [value.strip() for value in values if value.strip()]
 
 
-def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
+def _skip_repeated_rows(lines: Lines, columns: Array) -> None:
     """Skip rows at the end of a file that repeat the last row stated in the header, with a warning.
     Published files repeat the last row, although the header does not count these rows.
 

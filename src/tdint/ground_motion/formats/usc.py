@@ -14,8 +14,8 @@ from dataclasses import replace
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats import csmip
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, last_decimal, recognizer
@@ -93,7 +93,7 @@ def _volume_2(lines: Lines) -> tuple[Series, Header]:
     block contains no acceleration, or the peak in the header is not the peak of the samples.
     """
     header = Header()
-    blocks: dict[str, NDArray[np.float64]] = {}
+    blocks: dict[str, Array] = {}
     block, dt = None, 0.0
     while lines.peek() is not None:
         if not lines.at_numbers():
@@ -130,13 +130,12 @@ def _volume_2(lines: Lines) -> tuple[Series, Header]:
     samples = blocks["ACC"]
     peak = header.peak(_PEAKS["ACC"], "cm/s^2")
     if peak:
-        rounding = peak.rounding + last_decimal(samples)
-        peak = replace(peak, factor=1.0, rounding=rounding)
+        peak = replace(peak, factor=1.0, rounding=peak.rounding + last_decimal(samples))
     pgv, pgd = (_peak(blocks, word, header) for word in ("VEL", "DIS"))
     return Series(samples, dt, peak.units if peak else "", peak=peak, pgv=pgv, pgd=pgd), header
 
 
-def _peak(blocks: dict[str, NDArray[np.float64]], word: str, header: Header) -> float | None:
+def _peak(blocks: dict[str, Array], word: str, header: Header) -> float | None:
     """Return the maximum absolute velocity (m/s) or displacement (m) of a block; None without the
     block, or if the header does not state the peak with its units."""
     stated = header.match(_PEAKS[word])

@@ -15,8 +15,8 @@ import re
 from datetime import datetime, timedelta
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizer
 from tdint.ground_motion.formats.series import Header, Series, StatedPeak, code, moment, reader
@@ -133,7 +133,7 @@ def read_smc(lines: Lines) -> list[Series]:
     return [series]
 
 
-def _at_unequal_times(lines: Lines, count: int) -> tuple[NDArray[np.float64], float]:
+def _at_unequal_times(lines: Lines, count: int) -> tuple[Array, float]:
     """Read `count` times and samples, and return the samples at equal steps and the step, s.
 
     The order of times and samples follows from the values: times increase strictly. The stated

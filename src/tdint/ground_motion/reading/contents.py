@@ -31,6 +31,7 @@ from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
+from tdint.number_parsing import any_case
 from tdint.units import parse_units
 
 if TYPE_CHECKING:
@@ -67,10 +68,9 @@ files. Not supported: PICKLE executes code; CSS, NNSA_KB_CORE and Q open files n
 and SACXY do not detect corrupt files; DMX, PDAS, SEISAN, WIN and Y require a file name; CYBERSHAKE
 contains velocities; the remaining formats are not ground motion."""
 
-_CORRUPT_FILE_WARNING = re.compile(
+_CORRUPT_FILE_WARNING = any_case(
     r"^ERROR|not be read|skip(?!_lines)|corrupt|truncat|integrity check|broken|contiguous|permuted|"
-    r"dropp",
-    re.IGNORECASE,
+    r"dropp"
 )
 """Pattern of reader warnings that indicate missing or wrong samples. Other warnings (for example of
 an unusual header) become notes. Warnings of the readers of tdint must not match this pattern."""

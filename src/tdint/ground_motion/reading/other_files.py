@@ -10,42 +10,33 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
-from tdint.number_parsing import abbreviate
+from tdint.number_parsing import abbreviate, any_case
 
 _START = 4096  # bytes; start of a file where its type is recognized
 
-_DOCUMENT_SUFFIXES = re.compile(
+_DOCUMENT_SUFFIXES = any_case(
     r"\.(?:md|rst|rtf|pdf|docx?|odt|pptx?|html?|xml|kml|kmz|png|jpe?g|gif|tiff?|svg|bib|py|ipynb|r|"
-    r"sh|bat|exe|db|ini|lnk|url|ya?ml|pptx?|eps|bmp|webp|mp4|mov|avi|pyc|tex|css|js|toml|cfg)",
-    re.IGNORECASE,
+    r"sh|bat|exe|db|ini|lnk|url|ya?ml|pptx?|eps|bmp|webp|mp4|mov|avi|pyc|tex|css|js|toml|cfg)"
 )
 """Pattern of suffixes of files that never contain the samples of a ground motion."""
 
-_DATA_SUFFIXES = re.compile(
+_DATA_SUFFIXES = any_case(
     r"\.(?:[avd]t2|[avd]th|acc\w{0,3}|th|ath|v[12]\w?|smc|cor|raw|evt|gcf|gse2?|m?i?n?i?seed|ms|sac|"
-    r"xlsx?|ods|mat|npy|npz|h5|hdf5?|gz|bz2|xz|7z|rar|tar|zip|kik|knt|(?:ns|ew|ud)[12]?)",
-    re.IGNORECASE,
+    r"xlsx?|ods|mat|npy|npz|h5|hdf5?|gz|bz2|xz|7z|rar|tar|zip|kik|knt|(?:ns|ew|ud)[12]?)"
 )
 """Pattern of suffixes of files that contain samples, also if the content shows no numbers because
 it is binary, compressed or damaged."""
 
-_SENSOR = re.compile(
-    r"(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*",
-    re.IGNORECASE,
-)
+_SENSOR = any_case(r"(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*")
 """Pattern of the names of the tables of a telephone next to its accelerations."""
 
 _RESULT = re.compile(rb'\s*\{\s*"schema":\s*\{\s*"name":\s*"tdint')
-_LIST = re.compile(
-    rb"[\s\"']*(?:records?|file ?names?|files?|building)[\"']?\s*[,;\t]\s*[\"']?[a-z]",
-    re.IGNORECASE,
-)
+_LIST = any_case(rb"[\s\"']*(?:records?|file ?names?|files?|building)[\"']?\s*[,;\t]\s*[\"']?[a-z]")
 """Pattern of the first name of a table that lists records or contains results of records."""
 
-_SEARCH = re.compile(
+_SEARCH = any_case(
     rb"PEER (?:Ground Motion|NGA).{0,40}Database(?! Record\b)|Record Sequence Number|"
-    rb"Scaled Spectra used in Search",
-    re.IGNORECASE,
+    rb"Scaled Spectra used in Search"
 )
 """Pattern of the table of a search, which PEER delivers with the records."""
 
@@ -171,12 +162,9 @@ def unused_text(reasons: Mapping[str, str]) -> str:
 
 _MAX_NAMES = 10  # maximum number of names of each reason in a note
 
-_PEER = re.compile(r"\.(?P<quantity>[AVD])T2$", re.IGNORECASE)
-_WORD = re.compile(
-    r"(?<![A-Z0-9])(?P<quantity>ACC|VEL|DISP?)(?![A-Z0-9])",
-    re.IGNORECASE,
-)
-_VOLUME = re.compile(r"\.V(?P<quantity>[12])(?=[A-Z]?$)", re.IGNORECASE)
+_PEER = any_case(r"\.(?P<quantity>[AVD])T2$")
+_WORD = any_case(r"(?<![A-Z0-9])(?P<quantity>ACC|VEL|DISP?)(?![A-Z0-9])")
+_VOLUME = any_case(r"\.V(?P<quantity>[12])(?=[A-Z]?$)")
 """Patterns of the part of a name that states the quantity: PEER (.AT2, .VT2, .DT2), names of ESM,
 ITACA and programs (.ACC., _VEL.txt, .dis), and the volumes of strong-motion records (.V1
 uncorrected, .V2 corrected)."""

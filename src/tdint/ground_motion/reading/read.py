@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array, max_absolute
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import AS_STATED, RecordChoice, ResampledLayout, TextLayout
 from tdint.ground_motion.messages import quiet_import
@@ -168,9 +169,9 @@ def _check_continuity(before: Any, after: Any, label: str) -> None:
         )
 
 
-def sample_notes(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
+def sample_notes(acceleration: Array) -> tuple[str, ...]:
     """Return notes if a ground acceleration contains only zeros, or has a zero offset."""
-    peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
+    peak, mean = max_absolute(acceleration), float(np.mean(acceleration))
     notes = []
     if peak == 0.0:
         notes.append("all samples are zero")
@@ -199,9 +200,9 @@ def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
         )
 
 
-def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
+def check_possible(acceleration: Array, label: str) -> None:
     """Raise RecordError if a ground acceleration is physically impossible."""
-    peak = float(np.max(np.abs(acceleration)))
+    peak = max_absolute(acceleration)
     if 0.0 < peak < SMALLEST:
         raise RecordError(
             f"{label}: the peak acceleration must be 0 or at least {SMALLEST:g} m/s^2, got "
@@ -485,11 +486,7 @@ def read_signal(
     check_finite(motion.samples, dt, channel.label)
     start = _start_time(trace)
     # Only an acceleration can have a peak that indicates a wrong unit.
-    peak = (
-        float(np.max(np.abs(motion.samples), initial=0.0))
-        if motion.quantity == "acceleration"
-        else 0.0
-    )
+    peak = max_absolute(motion.samples) if motion.quantity == "acceleration" else 0.0
     return Signal(
         samples=motion.samples,
         dt=dt,
@@ -675,7 +672,7 @@ def _to_record(
     may_be_one_sided = choice.layout.one_sided or choice.quantity == "displacement"
     warnings = (
         *motion.warnings,
-        *peak_warnings(float(np.max(np.abs(motion.samples), initial=0.0))),
+        *peak_warnings(max_absolute(motion.samples)),
         *scale.first_sample_warnings(motion.samples),
         *([] if may_be_one_sided else _sign_warnings(trace, motion)),
     )

@@ -24,9 +24,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import Array, max_absolute
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.missing import IncompleteRecord, Missing, likely_units
 from tdint.ground_motion.record import UNITS_BY_LOCATION
+from tdint.number_parsing import any_case
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _SPECIFY_COUNT_OR_RESPONSE = (
@@ -98,7 +100,7 @@ class Motion(NamedTuple):
         Messages about changes of the samples and about assumptions.
     """
 
-    samples: NDArray[np.float64]
+    samples: Array
     units: str
     units_from: str
     quantity: str = "acceleration"
@@ -310,7 +312,7 @@ class Moving(NamedTuple):
     warnings: list[str]
 
 
-def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> Moving:
+def moved(samples: Array, dt: float, quantity: str) -> Moving:
     """Return the acceleration, linear between the samples, of the ground motion with given
     displacements (m) or velocities (m/s) at all samples.
 
@@ -338,7 +340,7 @@ def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> Moving:
             motion = CubicSpline(time, motion.antiderivative()(time))
         velocity, acceleration = motion(time, 1), motion(time, 2)
     notes = [f"the {quantity} of the file is the motion of the ground: {_SPLINE_NOTE}"]
-    if abs(velocity[0]) > _REST * np.max(np.abs(velocity)):
+    if abs(velocity[0]) > _REST * max_absolute(velocity):
         notes.append(
             f"the ground starts with a velocity of {velocity[0]:.3g} m/s, and the building moves "
             "with it; give `initial: {velocity: ...}` relative to the ground if it does not"
@@ -346,15 +348,13 @@ def moved(samples: NDArray[np.float64], dt: float, quantity: str) -> Moving:
     return Moving(acceleration, notes, _rounding_warnings(samples, dt, quantity, acceleration))
 
 
-def _rounding_warnings(
-    samples: NDArray[np.float64], dt: float, quantity: str, acceleration: NDArray[np.float64]
-) -> list[str]:
+def _rounding_warnings(samples: Array, dt: float, quantity: str, acceleration: Array) -> list[str]:
     """Return a warning if the rounding of the samples contributes to the peak acceleration. The
     unit of rounding is the smallest difference between two values."""
     steps = np.diff(np.unique(samples))
     gain, power = _ROUNDING_GAINS[quantity]
     unit = float(np.min(steps, initial=np.inf)) if steps.size else 0.0
-    contribution, peak = gain * unit / dt**power, float(np.max(np.abs(acceleration)))
+    contribution, peak = gain * unit / dt**power, max_absolute(acceleration)
     if not _NOTICED_ROUNDING * peak < contribution < np.inf:
         return []
     return [
@@ -364,14 +364,14 @@ def _rounding_warnings(
     ]
 
 
-def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
+def without_mean(samples: NDArray[Any]) -> tuple[Array, str]:
     """Return the counts of a recorder without their mean (the zero offset), shape (samples,), and
     a note that states the mean."""
     mean = float(np.mean(samples, dtype=np.float64))
     return samples - mean, f"the recorder's zero offset, the mean of {mean:.6g} counts, is removed"
 
 
-def _scaled(samples: NDArray[Any], factor: float) -> NDArray[np.float64]:
+def _scaled(samples: NDArray[Any], factor: float) -> Array:
     """Return samples multiplied by a factor, as floating-point numbers."""
     # Overflow is found by `check_finite`, which reports the sample.
     with np.errstate(over="ignore"):
@@ -413,7 +413,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         The file has another format or channel, or its numbers are unlikely to be in m/s^2.
     """
     code = str(trace.stats.channel).upper()
-    peak = float(np.max(np.abs(trace.data), initial=0.0))
+    peak = max_absolute(trace.data)
     likely = likely_units(peak)
     # The empty text in `tdint_units` means that the user must specify the units.
     is_whole = are_whole(trace.data)
@@ -455,13 +455,11 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     raise IncompleteRecord(f"{label}: {problem}", Missing(units=likely))
 
 
-_PROCESSED = re.compile(r"\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b", re.IGNORECASE)
+_PROCESSED = any_case(r"\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b")
 """Part of the names of processed files of ESM and ITACA, in cm/s^2, cm/s or cm: the quantity, and
 the type of processing (manual, converted or automatic)."""
 
-_WORDS = re.compile(
-    r"(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])", re.IGNORECASE
-)
+_WORDS = any_case(r"(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])")
 """Abbreviations of velocity and displacement in the name of a file."""
 
 _MAX_VELOCITY, _MAX_DISPLACEMENT = 10.0, 30.0
@@ -503,7 +501,7 @@ def _why_unlikely(trace: Any, label: str) -> tuple[str, str]:
     if quantity:
         return f"the name of the file states that the samples are a {quantity}", unit
     samples = np.asarray(trace.data, dtype=np.float64)
-    peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
+    peak, mean = max_absolute(samples), float(np.mean(samples))
     gravity = next((g for g in _GRAVITIES if abs(abs(mean) - g) <= _NEAR_GRAVITY * g), 0.0)
     if peak > _MAX_PLAUSIBLE_ACCELERATION:
         return f"the peak would be {peak:.4g} m/s^2, over 3 g", "cm/s^2"
@@ -519,10 +517,10 @@ def _why_unlikely(trace: Any, label: str) -> tuple[str, str]:
     dt = float(trace.stats.delta)
     velocity = np.cumsum(samples - mean) * dt
     velocity -= np.mean(velocity)
-    pgv = float(np.max(np.abs(velocity), initial=0.0))
+    pgv = max_absolute(velocity)
     displacement = np.cumsum(velocity) * dt
     displacement -= np.linspace(displacement[0], displacement[-1], displacement.size)
-    pgd = float(np.max(np.abs(displacement), initial=0.0))
+    pgd = max_absolute(displacement)
     if pgv > _MAX_VELOCITY or pgd > _MAX_DISPLACEMENT:
         return (
             f"the peak velocity would be {pgv:.3g} m/s and the peak displacement {pgd:.3g} m",
@@ -531,11 +529,11 @@ def _why_unlikely(trace: Any, label: str) -> tuple[str, str]:
     return "", ""
 
 
-def first_sample_warnings(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
+def first_sample_warnings(acceleration: Array) -> tuple[str, ...]:
     """Return a warning if the first sample is the peak, as if it were a number of the header."""
     sizes = np.abs(acceleration[:2])
     is_peak = sizes.size == 2 and sizes[0] > _MAX_JUMP * sizes[1]
-    if not is_peak or sizes[0] < float(np.max(np.abs(acceleration))):
+    if not is_peak or sizes[0] < max_absolute(acceleration):
         return ()
     return (
         f"the first sample, {acceleration[0]:.4g} m/s^2, is the peak of the record: check that it "

@@ -8,7 +8,13 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from tdint.output.figures.style import line_style, mark_first_periods, plain_logarithmic, titled
+from tdint.output.figures.style import (
+    line_style,
+    mark_first_periods,
+    new_axes,
+    plain_logarithmic,
+    titled,
+)
 from tdint.response.spectra.floor_motions import FloorSpectrum
 from tdint.units import SI, OutputUnits
 
@@ -28,8 +34,7 @@ def floor_picture(
         First period of the building, s, which is marked; nan by default for no mark.
     """
     units = units.in_figures
-    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.2, 4.8)
     floors = list(dict.fromkeys(floor_spectrum.floor for floor_spectrum in spectra))
     ratios = list(dict.fromkeys(floor_spectrum.spectrum.damping for floor_spectrum in spectra))
     for floor_spectrum in spectra:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdint.arrays import Array
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, scaled_unit, titled
+from tdint.arrays import Array, max_absolute
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, new_axes, scaled_unit, titled
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -25,8 +25,7 @@ sides divided by this time, and the fraction of the peak below which a load is n
 
 def load_picture(model: Model, end: float, units: OutputUnits = SI) -> Figure:
     """Plot the forces from tables over the time of a run."""
-    figure = Figure(figsize=(8.0, 3.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = new_axes(8.0, 3.0)
     draw_loads(axes, model.excitation, end, units.in_figures)
     axes.set_xlabel("time (s)")
     floors = sorted({force.floor for force in model.excitation.tables})
@@ -38,7 +37,7 @@ def active_interval(loads: Sequence[tuple[Array, Array]], end: float) -> tuple[f
     where short loads act. A load consists of its times, s, and its values."""
     active: list[float] = []
     for times, values in loads:
-        indices = np.flatnonzero(np.abs(values) > _NEGLIGIBLE * np.max(np.abs(values)))
+        indices = np.flatnonzero(np.abs(values) > _NEGLIGIBLE * max_absolute(values))
         if indices.size:
             active += [times[max(indices[0] - 1, 0)], times[min(indices[-1] + 1, len(times) - 1)]]
     first, last = (max(min(active), 0.0), max(active)) if active else (0.0, end)
@@ -63,7 +62,7 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
         same = (force.table, force.column, force.factor, force.start)
         groups.setdefault(same, []).append(force)
     # The largest forces are the most important forces for the legend.
-    peaks = {same: float(np.max(np.abs(forces[0].values))) for same, forces in groups.items()}
+    peaks = {same: max_absolute(forces[0].values) for same, forces in groups.items()}
     largest = sorted(groups, key=lambda same: -peaks[same])[:_MAX_LINES]
     named = [same for same in groups if same in largest]
     factor, unit = scaled_unit(max(peaks.values()), "N", units)

@@ -22,6 +22,7 @@ from tdint.output.figures.style import (
     is_narrow,
     line_style,
     mark_first_periods,
+    new_figure,
     over_stories,
     plain_numbers,
     scaled_unit,
@@ -51,7 +52,7 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
         Normalization of the shapes: `roof` (1 at the roof, the default), or `participation` (a
         participation factor of 1).
     """
-    figure = Figure(figsize=(5.4, 5.6), layout="constrained")
+    figure = new_figure(5.4, 5.6)
     draw_modes(figure.subplots(), modes, norm)
     return titled(figure, name)
 
@@ -110,7 +111,7 @@ def mode_spectrum_picture(
         Spectrum in the upper panel; None for the masses only.
     """
     units = units.in_figures
-    figure = Figure(figsize=(8.0, 2.4 if spectrum is None else 4.0), layout="constrained")
+    figure = new_figure(8.0, 2.4 if spectrum is None else 4.0)
     rows = figure.subplots(
         1 if spectrum is None else 2,
         1,
@@ -158,7 +159,7 @@ _MIN_DISTANCE = 0.2  # minimum difference of ln period between numbered modes
 def transfer_picture(result: TransferFunction, units: OutputUnits = SI) -> Figure:
     """Plot amplitudes and phases over the frequency: of the attachments, and of floors, at most
     `_MAX_LINES` in total, but always of the roof."""
-    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    figure = new_figure(7.5, 5.6)
     amplitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     floors, devices = len(result.model.stories), len(result.model.attachments)
     # The roof is first, further floors are evenly spaced below it, and attachments follow.
@@ -197,7 +198,7 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     """Plot the peaks of a response spectrum analysis over the height: drifts, shears and
     displacements, each by SRSS and by CQC.
     """
-    figure = Figure(figsize=(8.8, 4.6), layout="constrained")
+    figure = new_figure(8.8, 4.6)
     drift, shear, displacement = figure.subplots(1, 3)
     draw_modal_drifts(drift, result, units)
     factor, unit = scaled_unit(float(np.max(result.shear_srss)), "N", units)

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
+from tdint.ground_motion.record import Record
 from tdint.number_parsing import table_number
 from tdint.output.figures.loads import active_interval, draw_loads
 from tdint.output.figures.style import (
@@ -22,24 +23,22 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     MAX_HEIGHT,
+    ZERO,
+    Style,
     changed,
     drift_scale,
     is_narrow,
     line_style,
     motion_name,
+    new_figure,
     over_stories,
     scaled_unit,
     titled,
     write_note,
 )
+from tdint.response.runs.history import History
 from tdint.response.runs.outcome import Response
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.ground_motion.record import Record
-    from tdint.response.runs.history import History
-    from tdint.response.runs.outcome import Response
-
 
 # Parts that would be too small to be visible are omitted from the figures.
 _MIN_COLLAPSE_FRACTION = 0.4
@@ -75,7 +74,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     units, history = units.in_figures, response.history
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if history is None:
-        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+        figure = new_figure(7.0, 4.2)
         draw_profiles(figure.subplots(1, 3), response, units)
         return titled(figure, title)
     narrow = is_narrow()
@@ -86,7 +85,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     # In a narrow figure, the devices and the profiles need two rows each.
     height = (13.0 if narrow else 9.4) + 1.3 * more + (4.0 if narrow else 2.0) * has_devices
     height = height if narrow else min(height, MAX_HEIGHT)
-    figure = Figure(figsize=(8.0, height), layout="constrained")
+    figure = new_figure(8.0, height)
     devices = (3.6 if narrow else 1.9,) * has_devices
     ratios = (*(1.2,) * (1 + more), 1.5, 1.7, *devices, 4.8 if narrow else 3.4)
     grid = figure.add_gridspec(len(ratios), 1, height_ratios=ratios)
@@ -112,8 +111,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         lower_grid = grid[-1].subgridspec(2, 2)
     else:
         lower_grid = grid[-1].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
-    profiles = [figure.add_subplot(lower_grid[i]) for i in range(3)]
-    draw_profiles(profiles, response, units)
+    draw_profiles([figure.add_subplot(lower_grid[i]) for i in range(3)], response, units)
     story, reason = loop_story(response, units)
     loop = figure.add_subplot(lower_grid[3])
     _draw_loop(loop, response, history, story, units)
@@ -133,7 +131,7 @@ def _show_strong_motion(roof: Any, energies: Any, record: Record, history: Histo
     displacement = history.displacement[:, -1]
     firsts, lasts = [], []
     for values, rest in ((ground, 0.0), (displacement, displacement[-1])):
-        limit = _STRONG * (np.max(np.abs(values)) or math.inf)
+        limit = _STRONG * (max_absolute(values) or math.inf)
         firsts += history.time[np.abs(values - values[0]) >= limit][:1].tolist()
         lasts += history.time[np.abs(values - rest) >= limit][-1:].tolist()
     start, end = history.time[0], history.time[-1]
@@ -170,7 +168,7 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
     # After a collapse, the run ends before the record, and the peak ground acceleration can be
     # later than the end of the figure.
     pga = units.of(record.pga, "m/s^2")
-    shown_peak = float(np.max(np.abs(motion)))
+    shown_peak = max_absolute(motion)
     later = f", PGA {_short(pga)} {unit} later" if pga > shown_peak * (1.0 + _ROUNDING) else ""
     _mark_peak(axes, time, motion, shown_peak, unit, later)
 
@@ -182,7 +180,7 @@ def _mark_events(panels: Sequence[Any], response: Response) -> None:
     for axes in panels:
         for event in response.events[1:]:
             axes.axvline(event.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
-    position: dict[str, Any] = {
+    position: Style = {
         "xycoords": ("data", "axes fraction"),
         "textcoords": "offset points",
         "xytext": (3, 2),
@@ -226,7 +224,7 @@ def _draw_roof(axes: Any, response: Response, history: History, units: OutputUni
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
     if history.error is not None:
         error = np.abs(units.of(history.error.displacement[:, -1], "m"))
-        if np.any(error > _MIN_BAND * np.max(np.abs(roof))):
+        if np.any(error > _MIN_BAND * max_absolute(roof)):
             band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
             axes.fill_between(history.time, roof - error, roof + error, **band)
     if (collapse := response.collapse) is not None:
@@ -246,7 +244,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     """
     energy = history.energy
     total_input = response.energy.initial + energy.input
-    factor, unit = scaled_unit(float(np.max(np.abs(total_input))), "J", units)
+    factor, unit = scaled_unit(max_absolute(total_input), "J", units)
     layers = (
         (energy.hysteretic, "dissipated by stories", "0.35", None),
         (energy.viscous, "damping", "0.62", None),
@@ -257,7 +255,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     )
     bottom = np.zeros(len(total_input))
     for values, label, gray, hatch in layers:
-        if np.max(np.abs(values)) <= _MIN_ENERGY * np.max(np.abs(total_input)):
+        if max_absolute(values) <= _MIN_ENERGY * max_absolute(total_input):
             continue
         top = bottom + factor * values
         axes.fill_between(
@@ -361,7 +359,7 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
     """
     history, units = response.history, units.in_figures
     assert history is not None
-    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    figure = new_figure(8.0, 3.4)
     _draw_loop(figure.add_subplot(), response, history, story - 1, units)
     drift = units.text(float(response.stories.peak_drift[story - 1]), "m")
     return titled(figure, f"{response.model.name}: story {story}, maximum drift {drift}")
@@ -409,7 +407,7 @@ def _draw_loop(
         # their drifts show this curve; in the order of time, long lines would connect them.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
-    factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
+    factor, unit = scaled_unit(max_absolute(shear), "N", units)
     axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
     # The forces of the elements of the story are plotted below its loop.
     elements, element_force = response.elements, history.element_force
@@ -426,8 +424,8 @@ def _draw_loop(
             )
         if axes.get_legend_handles_labels()[1]:
             axes.legend()
-    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
-    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axhline(0.0, **ZERO)
+    axes.axvline(0.0, **ZERO)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
@@ -466,7 +464,7 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
         # After a collapse, the run ends before the record.
         count = math.ceil(response.steps * response.dt / response.record.dt) + 1
         samples = response.record.acceleration[:count]
-        ground = units.of(float(np.max(np.abs(samples))), "m/s^2")
+        ground = units.of(max_absolute(samples), "m/s^2")
     plot_style = {
         "color": INK,
         "linewidth": 1.2,
@@ -622,7 +620,7 @@ def plan_picture(response: Response, units: OutputUnits = SI) -> Figure:
         Result of a run in two directions with its histories.
     """
     units = units.in_figures
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = new_figure(8.0, 4.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.3))
     stories = response.stories
     ratios = stories.peak_drift_ratio
@@ -692,6 +690,6 @@ def _draw_two_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     axes.legend()
 
 
-def _line(number: int) -> dict[str, Any]:
+def _line(number: int) -> Style:
     """Return the style of the line of a direction."""
     return {"color": COLORS[number], "linewidth": 1.0, "linestyle": ("-", "--")[number]}

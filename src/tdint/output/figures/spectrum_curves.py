@@ -26,11 +26,14 @@ from tdint.output.figures.style import (
     INK,
     LIGHT,
     FirstPeriods,
+    Style,
     add_legend,
     changed,
     line_style,
     mark_first_periods,
     motion_name,
+    new_axes,
+    new_figure,
     plain_minor_numbers,
     plain_numbers,
     record_name,
@@ -88,7 +91,7 @@ def draw_over_periods(
     variants = [result.damping for result in results] if variants is None else variants
     suite = is_suite(results)
     titles = list(dict.fromkeys(columns)) if columns is not None and not suite else [""]
-    figure = Figure(figsize=(7.5 if len(titles) == 1 else 8.5, 7.8), layout="constrained")
+    figure = new_figure(7.5 if len(titles) == 1 else 8.5, 7.8)
     rows = figure.subplots(
         len(panels),
         len(titles),
@@ -265,7 +268,7 @@ def over_periods_title(single_title: str, several: str, results: Sequence[Any], 
     return f"{several} of {subject}\n{damping} damping, {more}"
 
 
-_Curve = tuple["Spectrum", str, dict[str, Any]]
+_Curve = tuple["Spectrum", str, Style]
 """Line with its label (may be empty) and its style."""
 
 
@@ -330,8 +333,7 @@ def draw_tripartite(
 
     Displacement and pseudo-acceleration are scales along diagonal lines.
     """
-    figure = Figure(figsize=(7.5, 6.2), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 6.2)
     curves = _curves(spectra, labels)
     for curve, _, style in curves:
         indices = _positive(curve)
@@ -423,8 +425,7 @@ def _label_scale(
 
 def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
     """Plot pseudo-acceleration over displacement (ADRS); rays from the origin mark periods."""
-    figure = Figure(figsize=(7.0, 6.4), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.0, 6.4)
     curves = _curves(spectra, labels)
     for curve, _, style in curves:
         order = np.argsort(curve.periods, kind="stable")
@@ -472,8 +473,8 @@ _NAMES = {
 }
 """Label and SI unit of each spectral quantity."""
 
-_TARGET: dict[str, Any] = {"color": "0.1", "linewidth": 2.2, "zorder": 6}
-_POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
+_TARGET: Style = {"color": "0.1", "linewidth": 2.2, "zorder": 6}
+_POINTS: Style = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
 
 
 def spectrum_picture(
@@ -523,8 +524,7 @@ def low_picture(
     periods : sequence of (str, float)
         Names and first periods of buildings, s, which are marked; none by default.
     """
-    figure = Figure(figsize=(8.0, 2.5), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(8.0, 2.5)
     units = units.in_figures
     if is_suite(spectra):
         panel = _elastic_panels(units)[0]
@@ -554,11 +554,6 @@ _MIN_MEAN = 3  # minimum number of spectra for their mean
 
 _MAX_INSIDE = 5
 """Maximum number of entries of a legend inside a panel with spectra."""
-
-
-def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
-    """Plot pseudo-acceleration and displacement of spectra over the period, without a title."""
-    return draw_over_periods(spectra, _elastic_panels(units), labels)
 
 
 def _elastic_panels(units: OutputUnits) -> list[Panel]:
@@ -597,7 +592,13 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
         axes.legend(loc="best")
 
 
-DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_adrs}
+DRAWN: dict[str, Callable[..., Figure]] = {
+    "periods": lambda spectra, labels, units: draw_over_periods(
+        spectra, _elastic_panels(units), labels
+    ),
+    "tripartite": draw_tripartite,
+    "adrs": draw_adrs,
+}
 """Functions that plot spectra, by the name of the axes."""
 
 
@@ -812,7 +813,7 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
 def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
     """Plot a target spectrum: pseudo-acceleration and displacement over the period."""
     units = units.in_figures
-    figure = Figure(figsize=(7.5, 7.2), layout="constrained")
+    figure = new_figure(7.5, 7.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     _add_target(figure, target, units, legend=False)
     upper.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tdint.arrays import Array
+from tdint.arrays import Array, max_absolute
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.style import (
@@ -20,12 +20,16 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     MARKERS,
+    ZERO,
+    Style,
     add_ratio_axis,
     changed,
     drift_scale,
     is_narrow,
     line_style,
     motion_name,
+    new_axes,
+    new_figure,
     over_stories,
     plain_numbers,
     record_name,
@@ -63,7 +67,7 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     units : OutputUnits
         Units of drifts, shears and energies; SI by default.
     """
-    figure = Figure(figsize=(6.5, 7.6), layout="constrained")
+    figure = new_figure(6.5, 7.6)
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     draw_loop(loop, test, units)
     # Each cycle has four quarters with `points` points. A path of drifts has no cycles, so that the
@@ -97,10 +101,10 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     test : CyclicTest
         Cyclic test of the story. If it exceeds the yield drift, the yield drift is marked.
     """
-    factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
+    factor, unit = scaled_unit(max_absolute(test.path.shear), "N", units)
     drift = units.of(test.path.drift, "m")
-    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
-    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axhline(0.0, **ZERO)
+    axes.axvline(0.0, **ZERO)
     axes.plot(drift, test.path.shear * factor, color=COLORS[0], label="restoring force of the law")
     if test.geometric_stiffness:
         # A dashed line would look solid, because dashes of a cycle fill gaps of other cycles.
@@ -130,7 +134,7 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
         Units of displacements and forces; SI by default.
     """
     narrow = is_narrow()
-    figure = Figure(figsize=(8.4, 9.2 if narrow else 4.6), layout="constrained")
+    figure = new_figure(8.4, 9.2 if narrow else 4.6)
     curve, profile = (
         figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     )
@@ -151,9 +155,9 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     axes : Axes
         The panel. If the model has heights, an axis of the roof drift ratio is added on top.
     """
-    factor, unit = scaled_unit(float(np.max(np.abs(result.applied_force))), "N", units)
+    factor, unit = scaled_unit(max_absolute(result.applied_force), "N", units)
     roof, shear = units.of(result.roof_displacement, "m"), result.applied_force * factor
-    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axhline(0.0, **ZERO)
     axes.plot(roof, shear, color=COLORS[0])
     roof_at_maximum = units.of(result.roof_at_largest, "m")
     maximum = result.largest_applied_force * factor
@@ -179,22 +183,21 @@ def run_and_pushover_picture(history: History, pushed: Pushover, units: OutputUn
     Both base shears are restoring forces of the first story.
     """
     units = units.in_figures
-    figure = Figure(figsize=(7.0, 2.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.0, 2.6)
     shear = history.shear[:, 0]
     roof, height = history.displacement[:, -1], pushed.height
     scale, label = 1.0 / units.unit("m")[1], f"roof displacement ({units.label('m')})"
     if not math.isnan(height):
         scale, label = 100.0 / height, "roof drift ratio (%)"
-    largest = max(float(np.max(np.abs(values))) for values in (shear, pushed.base_shear))
+    largest = max(max_absolute(values) for values in (shear, pushed.base_shear))
     factor, unit = scaled_unit(largest, "N", units)
     axes.plot(scale * roof, factor * shear, color=LIGHT, linewidth=0.8, label="run")
     # The pushover has the sign of the larger side of the run.
     sign = math.copysign(1.0, roof[np.argmax(np.abs(roof))])
     x, y = sign * scale * pushed.roof_displacement, sign * factor * pushed.base_shear
     axes.plot(x, y, color=MARK, label=f"pushover, {pushed.pattern} pattern")
-    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
-    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axhline(0.0, **ZERO)
+    axes.axvline(0.0, **ZERO)
     axes.set(xlabel=label, ylabel=f"base shear ({unit})")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
     return figure
@@ -215,12 +218,12 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     """
     pushed = results[0].pushed
     narrow = is_narrow()
-    figure = Figure(figsize=(8.6, 11.0 if narrow else 3.2), layout="constrained")
+    figure = new_figure(8.6, 11.0 if narrow else 3.2)
     curve, adrs, profile = (
         figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
     )
     draw_curve(curve, pushed, units)
-    factor, _ = scaled_unit(float(np.max(np.abs(pushed.applied_force))), "N", units)
+    factor, _ = scaled_unit(max_absolute(pushed.applied_force), "N", units)
     for i, result in enumerate(results):
         plot_style = line_style(i + 1) | {"label": result.method}
         corners = [0.0, result.yield_displacement, result.roof_displacement]
@@ -315,7 +318,7 @@ def _draw_profile(
     scale, axis_label = drift_scale(heights, units)
     for drift, dashes, color, label in drifts:
         over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=color, label=label)
-    axes.axvline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axvline(0.0, **ZERO)
     axes.legend(loc="best")
     axes.yaxis.get_major_locator().set_params(integer=True)
     axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=axis_label)
@@ -348,9 +351,7 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
     """
     infos = infos[:MOST_RECORDS]
     units = units.in_figures
-    figure = Figure(
-        figsize=(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5), layout="constrained"
-    )
+    figure = new_figure(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5)
     grid = figure.subplots(4, len(infos), sharex="col", sharey="row", squeeze=False)
     for column, info in zip(grid.T, infos, strict=True):
         _draw_record(column, info, units)
@@ -360,7 +361,7 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
     return figure
 
 
-MATCHED: dict[str, dict[str, Any]] = {
+MATCHED: dict[str, Style] = {
     "scaled seed": {"color": "0.6", "linewidth": 0.9},
     "matched": {"color": COLORS[0], "linewidth": 0.9},
 }
@@ -375,8 +376,7 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
     spectra : sequence of FourierSpectrum
         Spectra with the same smoothing; at least one.
     """
-    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.5, 5.0)
     draw_fourier(axes, spectra, units)
     sources = list(dict.fromkeys(spectrum.record.source for spectrum in spectra))
     subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
@@ -420,7 +420,7 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
     """Plot the acceleration of a record over the time in a panel with its peak as text."""
     time = record.time
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
-    axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+    axes.axhline(0.0, **ZERO)
     axes.set(
         xlim=(time[0], time[-1]), xlabel="time (s)", ylabel=f"acceleration ({units.label('m/s^2')})"
     )
@@ -439,7 +439,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     motions = (record.acceleration, motion.velocity, motion.displacement)
     for axes, values, peak, si in zip(column, motions, peaks, MOTION.values(), strict=False):
         axes.plot(time, units.of(values, si), color=COLORS[0], linewidth=0.8)
-        axes.axhline(0.0, color=LIGHT, linewidth=0.6)
+        axes.axhline(0.0, **ZERO)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     # `changed` returns a suffix for a scaled or processed record, such as ` x 1.7 (processed)`.

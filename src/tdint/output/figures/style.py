@@ -69,6 +69,10 @@ INK = "#1f4e79"
 LIGHT = "0.55"
 MARK = "#b03a2e"
 """Colors of a single line, of secondary lines, and of highlighted parts."""
+Style = dict[str, Any]
+"""Settings of lines, markers or texts: keyword arguments of matplotlib."""
+ZERO: Style = {"color": LIGHT, "linewidth": 0.6}
+"""Style of the lines through zero."""
 
 # In black and white, lines are distinguished by dashes and markers.
 COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
@@ -140,7 +144,7 @@ def is_narrow() -> bool:
     return 0.0 < (PRINTED.get().width or 0.0) < _COLUMN
 
 
-def line_style(number: int, dash: int | None = None) -> dict[str, Any]:
+def line_style(number: int, dash: int | None = None) -> Style:
     """Return color and dashes of a line as keyword arguments of matplotlib.
 
     Parameters
@@ -155,7 +159,7 @@ def line_style(number: int, dash: int | None = None) -> dict[str, Any]:
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
 
 
-def method_styles(methods: Iterable[str], highlight: str = "") -> dict[str, dict[str, Any]]:
+def method_styles(methods: Iterable[str], highlight: str = "") -> dict[str, Style]:
     """Return color, dashes and marker of each method, which are the same in all figures.
 
     Methods of the catalogue and of other programs have fixed styles. Plug-ins and methods with
@@ -179,7 +183,7 @@ def method_styles(methods: Iterable[str], highlight: str = "") -> dict[str, dict
     others = [line for line in lines if line not in fixed]
     plugins = [line for line in lines if line in catalogue() and not is_ours(line)]
     highlighted = [highlight] if highlight else plugins
-    plot_styles: dict[str, dict[str, Any]] = {}
+    plot_styles: dict[str, Style] = {}
     for number, method in enumerate((*fixed, *others)):
         # With twelve colors and eleven markers, the first 132 combinations differ.
         plot_styles[method] = {
@@ -250,8 +254,7 @@ _FORMULA = re.compile(r"\$\\(?:theta|beta(?:_\{\w+\})?|pm\\sigma)\$")
 def _show_names_as_written(figure: Figure) -> None:
     """Show the names of links, elements, files, ... in a figure as text, not as formulas, and write
     out their control characters, which a browser obeys in SVG."""
-    ticks = figure.findobj(Tick)
-    labels = {label for tick in ticks for label in (tick.label1, tick.label2)}
+    labels = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
     for text in figure.findobj(Text):
         content = text.get_text()
         if "$" in _FORMULA.sub("", content) and text not in labels:
@@ -635,6 +638,17 @@ def _thin(axis: Any) -> bool:
     return True
 
 
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure, whose size is given in inches and whose panels do not overlap."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def new_axes(width: float, height: float) -> tuple[Figure, Any]:
+    """Return a figure (`new_figure`) and its only panel."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots()
+
+
 def titled(figure: Figure, title: str) -> Figure:
     """Add a title above the panels and return the figure.
 
@@ -684,7 +698,7 @@ def write_note(axes: Any, text: str, y: float | None = None) -> None:
         Position of the upper end of a text inside the panel, with a white background, as a fraction
         of the height of the panel.
     """
-    style: dict[str, Any] = {"fontsize": 8.0, "color": MARK, "ha": "right"}
+    style: Style = {"fontsize": 8.0, "color": MARK, "ha": "right"}
     if y is None:
         axes.annotate(
             text, (1.0, 1.0), (0.0, 2.0), "axes fraction", "offset points", va="bottom", **style

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.model.story import column_name
-from tdint.model.story_laws import default_numbers, named_parameters
+from tdint.model.story import Story, column_name
+from tdint.model.story_laws import Law, default_numbers, named_parameters
 from tdint.output.tables.columns import declared
 from tdint.output.tables.table import (
     FLOOR,
@@ -33,8 +33,6 @@ from tdint.units import SI, OutputUnits
 if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint.model.modes import ComplexModes, Modes
-    from tdint.model.story import Story
-    from tdint.model.story_laws import Law
     from tdint.response.static.pushover import Pushover
 
 CYCLIC = declared(

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from tdint.model.definition import Attachment, Link
+from tdint.model.definition import Attachment, Link, Model
 from tdint.output.tables.columns import declared
 from tdint.output.tables.elements import FRACTURE
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows, rows_of
 from tdint.response.runs.contacts import LinkContact
 from tdint.response.runs.elements import fracture_sides
 from tdint.response.runs.history import DeviceHistory, History
-from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.response.runs.outcome import STORY_QUANTITIES, DevicePeaks, Response
 from tdint.units import OutputUnits, quantities
-
-if TYPE_CHECKING:
-    from tdint.model.definition import Model
-    from tdint.response.runs.outcome import DevicePeaks, Response
 
 _MEANINGS = {
     "peak_drift": "maximum absolute displacement of the mass relative to its floor (stroke)",

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tdint.output.tables.columns import declared
 from tdint.output.tables.table import Column, Table, columns_of, error_columns
 from tdint.response.runs.flexure import FLEXURE_QUANTITIES, FlexureValues
-from tdint.response.runs.outcome import STORY_QUANTITIES
-
-if TYPE_CHECKING:
-    from tdint.response.runs.outcome import Response
-    from tdint.units import OutputUnits
+from tdint.response.runs.outcome import STORY_QUANTITIES, Response
+from tdint.units import OutputUnits
 
 FLEXURE_COLUMNS = columns_of(FlexureValues)
 """Further columns of stories.csv for flexural stories."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tdint.methods.method import Integrator
 from tdint.methods.publications import references_of
 from tdint.output.tables.columns import declared
 from tdint.output.tables.table import cell_text
-
-if TYPE_CHECKING:
-    from tdint.methods.method import Integrator
 
 
 def _without_commas(name: str) -> Callable[[Any], str]:

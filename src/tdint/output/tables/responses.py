@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tdint.output.tables.columns import declared
 from tdint.output.tables.table import TEXT, Cell, Column, Table, describe, error_columns, numbered
-from tdint.response.runs.outcome import STORY_QUANTITIES
-
-if TYPE_CHECKING:
-    from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
+from tdint.response.runs.outcome import (
+    STORY_QUANTITIES,
+    Gradient,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+)
 
 STORY_COLUMNS: tuple[Column, ...] = (
     *declared("responses.story_columns", story=numbered("peak_drift")),

@@ -31,7 +31,6 @@ from tdint.tabular import Tabular
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.ground_motion.origin import MotionOrigin
     from tdint.response.arguments import AnyRecord
     from tdint.response.spectra.floor_motions import FloorSpectrum
     from tdint.response.spectra.rotated import RotatedSpectrum
@@ -384,7 +383,12 @@ def _percent(name: str) -> Callable[[Record], float]:
 
 _MATCH_ORIGIN = (
     *RECORD_COLUMNS,
-    Column("seed", "text", lambda record: _seed(record.origin), "file and component of the seed"),
+    Column(
+        "seed",
+        "text",
+        lambda record: f"{Path(record.origin.seed).name} {record.origin.seed_component}".rstrip(),
+        "file and component of the seed",
+    ),
     Column("seed_factor", "1", "origin.factor", "scale factor of the seed"),
     *(
         Column(name, "%", _percent(name), meaning)
@@ -396,11 +400,6 @@ _MATCH_ORIGIN = (
     ),
 )
 """Columns of the origins of matched motions in a report."""
-
-
-def _seed(origin: MotionOrigin) -> str:
-    """Return file name and component of the seed of a matched motion."""
-    return f"{Path(origin.seed).name} {origin.seed_component}".rstrip()
 
 
 def match_origin_table(records: Sequence[Record]) -> Table:

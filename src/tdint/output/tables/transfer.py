@@ -48,8 +48,7 @@ def transfer_columns(labels: Sequence[int | str], source: str | int) -> tuple[Co
 
 def transfer_table(result: TransferFunction) -> Table:
     """Return the table of transfer functions, with a row per frequency."""
-    columns = transfer_columns(result.labels, result.source)
-    return Table.of_results(columns, [result])
+    return Table.of_results(transfer_columns(result.labels, result.source), [result])
 
 
 RESONANCE = declared("transfer.resonance")

@@ -63,8 +63,7 @@ def _demand_errors(result: Runs) -> Values:
         return []
     rows = []
     for run, model in enumerate(result.model.tolist()):
-        story_count = len(result.models[model].stories)
-        of_run = itemgetter((run, slice(story_count)))
+        of_run = itemgetter((run, slice(len(result.models[model].stories))))
         peaks, errors = (each_array(of_run, part) for part in (result.stories, result.errors))
         rows.append(demand_errors(peaks, errors))
     return list(zip(runs.RUN_ERRORS, np.array(rows).T, strict=True))
