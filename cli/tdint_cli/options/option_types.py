@@ -38,9 +38,6 @@ else:
     # Generic only for type checkers: click before 8.4 does not support brackets.
     ValueType = click.ParamType
 
-_Parameter = click.Parameter | None
-_Context = click.Context | None
-
 
 class Number(click.FloatRange):
     """Option type of a finite number in a range.
@@ -49,7 +46,7 @@ class Number(click.FloatRange):
     of values do not overflow or become 0.
     """
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number that a text represents; click reports invalid values as errors."""
         number = super().convert(value, param, ctx) or number_or_nan(str(value))
         if not math.isfinite(number):
@@ -68,7 +65,7 @@ class Ratio(Number):
 
     name = "ratio"
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the ratio that a text represents as a number, 0.05 for 5%.
 
         A number from 1 to 100 that is too large was probably meant in percent, so that the message
@@ -98,7 +95,7 @@ damping_ratio = Ratio(0.0, 1.0, max_open=True)
 class Nonzero(Number):
     """Option type of a number other than zero."""
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number that a text represents; click reports zero as an error."""
         number = super().convert(value, param, ctx)
         if number == 0.0:
@@ -144,7 +141,7 @@ class ListOf(ValueType):
         values = list(chain.from_iterable(tuples))
         return tuple(dict.fromkeys(values) if self.once else values) or None
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return a tuple of the values between the commas of a text, each converted to its type."""
         if isinstance(value, tuple):
             return value
@@ -177,7 +174,9 @@ class OutputUnitsType(ListOf):
         units = (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)
         super().__init__(Written("unit", names=lambda: units))
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> OutputUnits:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> OutputUnits:
         """Return the units that a text names; unknown units raise UsageError."""
         return parse_output_units(value) if isinstance(value, str) else value
 
@@ -207,7 +206,7 @@ class Written(ValueType):
         self.read = read
         self.names = names
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the value of a text; a value that is not a text, such as a default, is returned
         unchanged."""
         return self.read(value) if isinstance(value, str) else value
@@ -282,7 +281,7 @@ def _period(text: str) -> float | None:
 class _Periods(Number):
     """Option type of a period in s, or of a grid of periods FIRST:LAST:COUNT."""
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return a number, or a grid for a text with a colon."""
         if isinstance(value, str) and ":" in value:
             return grid().read(value)
@@ -394,7 +393,7 @@ class FileName(ValueType):
         self.written = written
         self.check = check
 
-    def convert(self, value: Any, param: _Parameter, ctx: _Context) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path of the file, or the value that `check` returns.
 
         An input file is protected, so that no output of the command replaces it. UsageError is

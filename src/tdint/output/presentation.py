@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from tdint.output import figures, tables
-from tdint.tabular import Tabular, function_on_use
+from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,12 +66,6 @@ def row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any], Output
     return lambda results, _: tables.table.Table.of_results(find(), results)
 
 
-drawn, tabulated = (
-    partial(function_on_use, f"tdint.output.{package}") for package in ("figures", "tables")
-)
-"""The functions of figures and of tables by their names, such as `runs.run_picture`."""
-
-
 def _infos(records: Sequence[Any]) -> list[Any]:
     """Return the properties of records; results that already are properties are unchanged."""
     return [
@@ -95,36 +89,38 @@ def _draw_record(axes: Any, records: Sequence[Any], units: OutputUnits) -> None:
 PRESENTATIONS: dict[str, Presentation] = {
     "CyclicTest": Presentation(
         columns=lambda _: tables.buildings.CYCLIC,
-        picture=drawn("static_curves.cyclic_picture"),
-        on_axes=drawn("static_curves.draw_loop"),
+        picture=lambda result, units: figures.static_curves.cyclic_picture(result, units),
+        on_axes=lambda ax, result, units: figures.static_curves.draw_loop(ax, result, units),
         alone=True,
     ),
     "DriftSpectrum": Presentation(
         columns=_record_columns,
-        picture=drawn("spectrum_curves.drift_spectrum_picture"),
+        picture=lambda results, units: figures.spectrum_curves.drift_spectrum_picture(
+            results, units
+        ),
     ),
     "ElementPeaks": Presentation(columns=lambda _: tables.elements.ELEMENT_COLUMNS),
     "FloorSpectrum": Presentation(
         lambda result: tables.spectra.floor_spectrum_table([result]),
-        picture=drawn("floor_spectra.floor_picture"),
+        picture=lambda results, units: figures.floor_spectra.floor_picture(results, units),
     ),
     "FourierSpectrum": Presentation(
         columns=_record_columns,
-        picture=drawn("static_curves.fourier_picture"),
-        on_axes=drawn("static_curves.draw_fourier"),
+        picture=lambda results, units: figures.static_curves.fourier_picture(results, units),
+        on_axes=lambda ax, results, units: figures.static_curves.draw_fourier(ax, results, units),
     ),
-    "DevicePeaks": Presentation(columns=tabulated("devices.device_columns")),
-    "History": Presentation(tabulated("values.history_columns")),
+    "DevicePeaks": Presentation(columns=lambda result: tables.devices.device_columns(result)),
+    "History": Presentation(lambda result: tables.values.history_columns(result)),
     "InelasticSpectrum": Presentation(
         columns=_record_columns,
-        picture=drawn("spectrum_curves.inelastic_picture"),
+        picture=lambda results, units: figures.spectrum_curves.inelastic_picture(results, units),
     ),
     "Integrator": Presentation(rows=row(lambda: tables.methods.METHOD)),
     "InventoryBuilding": Presentation(rows=row(lambda: tables.buildings.INVENTORY)),
     "ModalResponse": Presentation(
         columns=lambda _: tables.buildings.MODAL_RESPONSE,
-        picture=drawn("mode_shapes.modal_response_picture"),
-        on_axes=drawn("mode_shapes.draw_modal_drifts"),
+        picture=lambda result, units: figures.mode_shapes.modal_response_picture(result, units),
+        on_axes=lambda ax, result, units: figures.mode_shapes.draw_modal_drifts(ax, result, units),
         alone=True,
     ),
     "Modes": Presentation(
@@ -135,9 +131,9 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Overview": Presentation(rows=row(lambda: tables.buildings.OVERVIEW)),
     "Pushover": Presentation(
-        tabulated("buildings.pushover_table"),
-        picture=drawn("static_curves.pushover_picture"),
-        on_axes=drawn("static_curves.draw_curve"),
+        lambda result: tables.buildings.pushover_table(result),
+        picture=lambda result, units: figures.static_curves.pushover_picture(result, units),
+        on_axes=lambda ax, result, units: figures.static_curves.draw_curve(ax, result, units),
         alone=True,
     ),
     "Record": Presentation(
@@ -149,30 +145,32 @@ PRESENTATIONS: dict[str, Presentation] = {
         on_axes=_draw_record,
     ),
     "Response": Presentation(
-        tabulated("responses.response_table"),
-        picture=drawn("runs.run_picture"),
-        on_axes=drawn("runs.draw_drifts"),
+        lambda result: tables.responses.response_table(result),
+        picture=lambda result, units: figures.runs.run_picture(result, units),
+        on_axes=lambda ax, result, units: figures.runs.draw_drifts(ax, result, units),
         alone=True,
     ),
     "RotatedSpectrum": Presentation(
         lambda result: tables.spectra.rotated_table([result]),
-        picture=drawn("spectrum_curves.rotated_picture"),
+        picture=lambda results, units: figures.spectrum_curves.rotated_picture(results, units),
     ),
     "Spectrum": Presentation(
         columns=_record_columns,
         picture=lambda results, units: figures.spectrum_curves.spectrum_picture(
             results, units=units
         ),
-        on_axes=drawn("spectrum_curves.draw_accelerations"),
+        on_axes=lambda ax, results, units: figures.spectrum_curves.draw_accelerations(
+            ax, results, units
+        ),
     ),
     "StoryPeaks": Presentation(columns=lambda _: tables.responses.STORY_COLUMNS),
     "TargetDisplacement": Presentation(
         columns=lambda _: tables.buildings.TARGET_DISPLACEMENT,
-        picture=drawn("static_curves.target_picture"),
+        picture=lambda results, units: figures.static_curves.target_picture(results, units),
     ),
     "TransferFunction": Presentation(
-        tabulated("transfer.transfer_table"),
-        picture=drawn("mode_shapes.transfer_picture"),
+        lambda result: tables.transfer.transfer_table(result),
+        picture=lambda result, units: figures.mode_shapes.transfer_picture(result, units),
         alone=True,
     ),
 }
