@@ -256,6 +256,12 @@ def _peaks(model: Model, target: str, outputs: Outputs, units_of_page: OutputUni
         f"the target spectrum is used for all modes{damping_text}; the damping of the model, "
         f"{100.0 * model_damping:.3g} % in the first mode, is ignored"
     )
+    if model.devices:
+        strokes = ", ".join(
+            f"{device.name} {units.text(float(value), 'm')}"
+            for device, value in zip(model.devices, result.device_deformation_cqc, strict=True)
+        )
+        damping_note += f", as are dashpots of devices; their deformations by CQC: {strokes}"
 
     def page() -> bytes:
         """Return the HTML report of the response spectrum analysis."""

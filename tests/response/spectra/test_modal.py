@@ -71,3 +71,58 @@ def test_modes_outside_period_range_of_target(tmp_path):
     assert (rigid.rigid, rigid.left_out, rigid.spectral_acceleration[1]) == (1, 0, 0.4)
     with pytest.raises(UsageError, match=r"spectrum is 0\.2 s, .*building is 0\.44"):
         tdint.response_spectrum_analysis(frame, table(tmp_path, [0.1, 0.2], [1.0, 1.0]))
+
+
+SPRINGS = [
+    {"mass": 6e4, "height": 3, "stiffness": 3e7},
+    {"mass": 5e4, "height": 3, "stiffness": 2.5e7},
+]
+ABSORBER = {"mass": 5e3, "stiffness": 5e5}
+SPECTRUM = "ec8:type=1,soil=C,ag=0.35g"
+CQC = ("drift", "shear", "displacement", "acceleration", "force")
+
+
+def test_an_absorber_on_the_roof_is_a_story():
+    absorber = {"name": "tmd", "floor": "roof", **ABSORBER, "dashpot": 1e3}
+    found = tdint.response_spectrum_analysis(
+        {"stories": SPRINGS, "attachments": [absorber]}, SPECTRUM
+    )
+    chain = tdint.response_spectrum_analysis(
+        {"stories": [*SPRINGS, {**ABSORBER, "height": 3}]}, SPECTRUM
+    )
+    for name in CQC:
+        values = getattr(found, f"{name}_cqc")
+        assert values == pytest.approx(getattr(chain, f"{name}_cqc")[:2], rel=1e-12), name
+    assert found.device_deformation_cqc == pytest.approx(chain.drift_cqc[2:], rel=1e-12)
+    assert found.base_shear == pytest.approx(chain.base_shear, rel=1e-12)
+    assert found.applied_force == pytest.approx(chain.applied_force, rel=1e-12)
+
+
+def test_a_link_to_the_ground_carries_a_part_of_the_base_shear():
+    """Base shear and force of a link from the ground to floor 1 have the ratio of both
+    stiffnesses; together they are a story of the sum."""
+    link = {"name": "brace", "from": "ground", "to": 1, "stiffness": 1e7}
+    found = tdint.response_spectrum_analysis({"stories": SPRINGS, "links": [link]}, SPECTRUM)
+    sum_of_both = [{**SPRINGS[0], "stiffness": 4e7}, SPRINGS[1]]
+    whole = tdint.response_spectrum_analysis({"stories": sum_of_both}, SPECTRUM)
+    assert found.drift_cqc == pytest.approx(whole.drift_cqc, rel=1e-12)
+    assert found.shear_cqc == pytest.approx(whole.shear_cqc * [0.75, 1.0], rel=1e-12)
+    assert found.moment_cqc == pytest.approx(whole.moment_cqc, rel=1e-12)
+    assert found.device_deformation_cqc == pytest.approx(whole.drift_cqc[:1], rel=1e-12)
+
+
+@pytest.mark.parametrize("devices", [{}, {"base": {"rotation": 3e9}}])
+def test_an_absorber_beside_flexural_stories(devices):
+    """An absorber with a hundred times the stiffness of its floor is part of the floor; equilibrium
+    gives its force."""
+    stories = [{"mass": 6e4, "height": 3, "flexural": {"EI": 2e9, "GA": 4e8}}] * 2
+    options = {"damping": {"modal": 0.05}, **devices}
+    absorber = {"name": "tmd", "floor": 2, "mass": 1e4, "stiffness": 1e12}
+    found = tdint.response_spectrum_analysis(
+        {"stories": stories, "attachments": [absorber], **options}, SPECTRUM
+    )
+    heavy = [stories[0], {**stories[1], "mass": 7e4}]
+    rigid = tdint.response_spectrum_analysis({"stories": heavy, **options}, SPECTRUM)
+    for name in ("drift", "shear", "displacement", "moment"):
+        expected = getattr(rigid, f"{name}_cqc")
+        assert getattr(found, f"{name}_cqc") == pytest.approx(expected, rel=1e-3), name

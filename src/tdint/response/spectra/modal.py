@@ -62,8 +62,10 @@ class ModalResponse(Tabular):
     force_cqc, acceleration_cqc : ndarray, shape (n,)
         Forces on the floors, N, and forces divided by masses: absolute accelerations, m/s^2.
     moment_cqc : ndarray, shape (n,)
-        Overturning moment at the base of each story, N m; nan if the height of the story or of a
-        story above is not specified.
+        Overturning moment at the base of each story by the forces above, N m; nan if the height of
+        the story or of a story above is not specified.
+    device_deformation_cqc : ndarray
+        Strokes of the attachments, then deformations of the links, m.
     """
 
     model: Model
@@ -84,6 +86,7 @@ class ModalResponse(Tabular):
     force_cqc: Array
     acceleration_cqc: Array
     moment_cqc: Array
+    device_deformation_cqc: Array
 
     def _headline(self) -> str:
         return (
@@ -122,10 +125,15 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         The first period of the building is longer than the maximum period of the spectrum.
     """
     model = model_of(model)
-    model.require_chain("the response spectrum analysis, with one damping ratio for all modes,")
+    model.require_floors("the response spectrum analysis")
     demand = read_target(target) if isinstance(target, str) else target
     # The damping of the model is not used: that of the design spectrum applies to all modes.
     building = assemble(replace(model, damping=None))
+    if model.links and building.system is not None:
+        raise UsageError(
+            f"{model.source}: the response spectrum analysis does not support links beside "
+            "flexural stories, a base or a stiffness matrix; use time histories, or omit them"
+        )
     modes = building.modes()
     if not modes.omega[0]:
         raise ModelError(
@@ -151,18 +159,31 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (inertia * (factor * acceleration)).T
     floors = slice(building.floors)  # without the rotations of floors
-    # The force on a story is the sum of the forces above, from the roof down. The restoring force
-    # also resists P-delta.
-    applied = np.cumsum(forces[:, floors][:, ::-1], axis=1)[:, ::-1]
-    drift = building.drifts(displacement)[:, floors]
+    # The force on a story is the sum of the forces above, from the roof down, attachments included.
+    # The restoring force also resists P-delta; links carry a part beside the stories.
+    loads = forces[:, floors].copy()
+    for i, attachment in enumerate(model.attachments, start=building.floors):
+        if attachment.floor:
+            loads[:, attachment.floor - 1] += forces[:, i]
+    applied = np.cumsum(loads[:, ::-1], axis=1)[:, ::-1]
+    deformation = (
+        displacement @ building.deformations.T
+        if building.branched
+        else building.drifts(displacement)
+    )
+    drift = deformation[:, floors]
     geometric = building.linear_terms[rows.GEOMETRIC, :-1][floors]
+    has_springs = model.devices and building.system is None
     peaks = {
         "drift": drift,
-        "shear": applied - geometric * drift,
+        "shear": building.story_laws[rows.STIFFNESS][floors] * drift
+        if has_springs
+        else applied - geometric * drift,
+        "device_deformation": deformation[:, building.device_columns],
         "displacement": displacement[:, floors],
         "force": forces[:, floors],
         # A floor of a matrix can have no mass.
-        "acceleration": forces / modes.mass
+        "acceleration": (forces / modes.mass)[:, floors]
         if system is None
         else (modes.shapes * (factor * acceleration)).T[:, floors],
     }
@@ -170,7 +191,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     # and the stories above. Bearings do not contribute, because they have no height.
     contributions = applied * building.height_contributions
     turning = [i for i, story in enumerate(model.stories) if story.rotary_inertia]
-    contributions[:, turning] += forces[:, building.floors :][:, : len(turning)]
+    rotations = forces[:, building.floors + len(model.attachments) :]
+    contributions[:, turning] += rotations[:, : len(turning)]
     peaks["moment"] = np.cumsum(contributions[:, ::-1], axis=1)[:, ::-1]
     correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
     srss_names = ("drift", "shear", "displacement")
