@@ -147,7 +147,9 @@ def test_errors_of_contacts_cover_the_true_errors(step):
     """The numbers of all contacts are compared with the separate solution."""
     text, *forces = kelvin(5e5)
     model = load_model(io.StringIO(text.format(law=", dashpot: 500")))
-    found = tdint.run(model, MOTION, dt=step, duration=TIME[-1]).contacts
+    response = tdint.run(model, MOTION, dt=step, duration=TIME[-1], history=True)
+    assert response.check.of_contacts.args[0].history is None
+    found = response.contacts
     _, contacts = reference(*forces)
     assert len(found) == len(contacts) == 3
     for item, (time, duration, force, energy) in zip(found, contacts, strict=True):
