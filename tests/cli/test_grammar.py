@@ -250,7 +250,7 @@ def test_an_option_without_effect_is_refused(working_directory, tdint, name, par
     call += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {
         "--period": "1", "--range": "0.3:3:9", "--rule": "mean", "--year": "1985",
-        "--damping": "0.1", "--floor-damping": "0.1", "--hardening": "0.1",
+        "--damping": "0.1", "--floor-damping": "0.1", "--hardening": "0.1", "--theta": "0.6g",
         "--style": "90mm", "--report-head": "Project: bridge",
         "--pairs": "{}_N.txt,{}_E.txt",
         "--p695": "smt=1g,ductility=4,sdc=Dmax,dr=good,td=good,mdl=fair",

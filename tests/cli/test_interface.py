@@ -82,7 +82,7 @@ CASES = {
     "info": (("info", *RECORD), lambda: package.record_info(motion())),
     "inventory": (
         ("inventory", "buildings.csv", "--units", "m"),
-        lambda: package.inventory("buildings.csv"),
+        lambda: package.inventory("buildings.csv", units="m"),
     ),
     "methods": (("methods",), lambda: package.methods()),
     "modes": (("modes", "shaken.yaml"), lambda: package.modes(package.load_model("shaken.yaml"))),

@@ -109,12 +109,12 @@ def test_several_motions_have_separate_output_files(folder, tdint):
     for seed, name in enumerate(files):
         write_at2(folder / name, str(int(name[1:4])), seed)
     tdint(*ROTD, *files, "motion.mseed", "-o", "out/", "--plot", code=0)
-    stems = ("A000", "B000", "motion")
+    stems = ("A000+090", "B000+090", "motion")
     assert {path.name for path in (folder / "out").iterdir()} == {
         f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "json", "png")
     }
-    assert {row["record"] for row in rows(folder / "out" / "B000.csv")} == {"B000.AT2+B090.AT2"}
-    about = json.loads((folder / "out" / "A000.json").read_text())
+    assert {row["record"] for row in rows(folder / "out" / "B000+090.csv")} == {"B000.AT2+B090.AT2"}
+    about = json.loads((folder / "out" / "A000+090.json").read_text())
     assert about["settings"]["rotd"] == [0, 50, 100]
     assert [record["component"] for record in about["records"]] == ["0", "90"]
     parts = [row for stem in stems for row in rows(folder / "out" / f"{stem}.csv")]

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import is_there, write_files
-from tdint.ground_motion.axes import pga_of
 from tdint.ground_motion.origin import matched_clause
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
@@ -583,6 +582,8 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     record = response.record
     motion = "no ground motion"
     if record is not None:
+        from tdint.ground_motion.axes import pga_of  # numpy: not for help texts
+
         # With three significant digits, numbers from 1000 would be written with an exponent.
         pga = units.of(pga_of(record), "m/s^2")
         pga_text = f"{pga:.3g}" if pga < 1000.0 else f"{pga:.0f}"
