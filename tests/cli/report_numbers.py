@@ -173,6 +173,26 @@ class Known:
         first = next(building for _, building in drifts)
         self.values += [drift / drifts[scale, first] for (scale, _), drift in drifts.items()]
 
+    def add_region(self, folder: Path) -> None:
+        """Add what the first page of a region states beside the tables of its types: the mean loss
+        ratio and the expected number of damaged buildings of each level."""
+        with (folder / "losses.csv").open(encoding="utf-8", newline="") as stream:
+            losses = [row for row in csv.DictReader(stream) if not row["building"]]
+        with (folder / "damage-types.csv").open(encoding="utf-8", newline="") as stream:
+            undamaged = [row for row in csv.DictReader(stream) if row["state"] == "none"]
+        for level in {row["level"] for row in losses}:
+            of_level = [row for row in losses if row["level"] == level]
+            buildings = sum(float(row["buildings"]) for row in of_level)
+            total = sum(float(row["buildings"]) * float(row["loss_ratio"]) for row in of_level)
+            self.values.append(total / buildings)
+            self.values.append(
+                sum(
+                    float(row["buildings"]) * (1.0 - float(row["probability"]))
+                    for row in undamaged
+                    if row["level"] == level
+                )
+            )
+
     def add_capacities(self, file: Path) -> None:
         """Add the fractiles of the capacities of a study, and the fitted fragility functions.
 

@@ -113,7 +113,7 @@ def drawn_texts(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def known_numbers(name: str) -> Known:
     """Return the values in the outputs, the models and the records of a type of report."""
-    outputs = [*Path("out").rglob("*"), *Path().glob("out.*"), *Path("ida").glob("*.json")]
+    outputs = [*Path("out").rglob("*"), *Path().glob("out[-.]*"), *Path("ida").glob("*.json")]
     models = [*(Path(f"{model}.yaml") for model in KINDS[name].models), *Path("models").glob("*")]
     known = Known(sorted(outputs), models)
     for record in Path().glob("*.mseed"):
@@ -126,6 +126,8 @@ def known_numbers(name: str) -> Known:
         known.add_pushover(Path("older.yaml"), targets[0]["roof_displacement_m"])
     if name.startswith("fragility"):
         known.add_functions(Path("out.csv"))
+    if name == "region":
+        known.add_region(Path("out"))
     if name == "campaign":
         known.add_means(Path("out/profiles.csv"), models)
     if "ida" in name:
