@@ -182,11 +182,12 @@ class Building:
         derivatives, shape (..., n).
 
         `floors` contains values relative to the ground: springs on the ground keep the values of
-        the floor. A further column for the ground may follow.
+        the floor. Columns for the links, which the state of a run has, and for the ground may
+        follow.
         """
         n = self.stories
-        if self.system is not None:
-            return np.asarray(floors[..., : self.masses] @ self.system.deformations.T)
+        if self.system is not None or floors.shape[-1] < n:
+            return np.asarray(floors[..., : self.masses] @ self.deformations.T)
         link, base = self.linear_terms[[rows.LINK, rows.BASE], :-1]
         # Columns of the lower floors; any column for the ground.
         lower = base.astype(np.intp) if self.branched else np.arange(n) - 1
@@ -513,7 +514,7 @@ class Building:
         omega, shape = self.vibration.first
         if self.system is not None:
             return omega, self.system.modal_damping(self.modes(), 0) / (2.0 * omega)
-        drift = self.deformations @ shape if self.branched else self.drifts(shape)
+        drift = self.drifts(shape)
         masses = self.masses
         modal_damping = np.add.reduce(self.story_dampers * drift**2)
         modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :masses] * shape**2)

@@ -12,9 +12,8 @@ A pair is two components that were read as a pair, or two records that are recog
 their names. With `larger` and `mean` the building has collapsed under a pair if it has collapsed
 under a component, and a pair has no result if a component has no result.
 
-Which runs are one ground motion, which motions count, and how they are weighted.
-
-All studies use these functions. The runs of a building at a level are arrays: the index of the
+This module also decides for all studies which runs are one ground motion, which motions count, and
+how they are weighted. The runs of a building at a level are arrays: the index of the
 motion of each run, its outcome, and its demands. The arrays of the motions follow from them. In an
 array of demands infinity is a collapse, and NaN is a motion without a result, so that the fractiles
 (`tdint.fractiles.fractiles`) need no other argument.
@@ -411,8 +410,8 @@ def outcomes_of(statuses: Iterable[str]) -> Outcomes:
 
 
 def indices_of(keys: Iterable[Hashable]) -> Indices:
-    """Return the index of the motion of each run from a key of the motion (`PairRule.motion`, and
-    sample, event or factor); motions are numbered in the order of their first runs."""
+    """Return the index of the motion of each run from a key of the motion (`PairRule.motion_key`,
+    and sample, event or factor); motions are numbered in the order of their first runs."""
     index_of_key: dict[Hashable, int] = {}
     return np.array([index_of_key.setdefault(key, len(index_of_key)) for key in keys], np.intp)
 

@@ -396,7 +396,9 @@ def with_error_estimate(
         time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,
-        of_contacts=partial(contact_errors, replace(other, history=None), factors(case.method)),
+        of_contacts=partial(contact_errors, replace(other, history=None), factors(case.method))
+        if case.building.has_stops
+        else None,
     )
     # At a collapse the peaks grow rapidly within one step, so that the peaks of the additional run
     # are not more accurate values of the same peaks.

@@ -335,7 +335,7 @@ class ErrorEstimate(Described):
         History of the additional run, if the errors of a history in memory were estimated.
     of_contacts : callable | None
         Function that returns contacts with their estimated errors, for which it repeats the
-        additional run.
+        additional run; None without stops.
     """
 
     errors: StoryErrors

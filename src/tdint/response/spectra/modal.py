@@ -166,18 +166,14 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         if attachment.floor:
             loads[:, attachment.floor - 1] += forces[:, i]
     applied = np.cumsum(loads[:, ::-1], axis=1)[:, ::-1]
-    deformation = (
-        displacement @ building.deformations.T
-        if building.branched
-        else building.drifts(displacement)
-    )
+    deformation = building.drifts(displacement)
     drift = deformation[:, floors]
     geometric = building.linear_terms[rows.GEOMETRIC, :-1][floors]
-    has_springs = model.devices and building.system is None
+    beside_devices = model.devices and building.system is None
     peaks = {
         "drift": drift,
         "shear": building.story_laws[rows.STIFFNESS][floors] * drift
-        if has_springs
+        if beside_devices
         else applied - geometric * drift,
         "device_deformation": deformation[:, building.device_columns],
         "displacement": displacement[:, floors],
