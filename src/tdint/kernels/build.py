@@ -11,6 +11,7 @@ process remains.
 
 from __future__ import annotations
 
+import functools
 import gc
 import importlib
 import importlib.util
@@ -80,7 +81,6 @@ def _take_shortcuts() -> None:
     kernels that the process has compiled before: labels and variables are numbered separately in
     each function. `tdint.kernels.building.compiler.objects_of` renames the symbols of functions.
     """
-    from llvmlite.binding import Linkage
     from numba.core import bytecode, codegen, compiler, cpu, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
@@ -113,6 +113,7 @@ def _take_shortcuts() -> None:
     # and therefore the code. Functions are numbered consecutively in the process, so that no two
     # functions have a common symbol.
     function_numbers = itertools.count(1)
+    compiling: list[Any] = []  # functions, each called by the one before
     labels = ir_utils._the_max_label
     compile_one = compiler.CompilerBase.compile_extra
     # In a version of numba without these attributes, AttributeError is raised here. The separate
@@ -132,9 +133,11 @@ def _take_shortcuts() -> None:
         # The other numbers are for functions that are inlined into `function` and have no symbol.
         identity._unique_ids = itertools.chain([next(function_numbers)], itertools.count(1))
         labels._value, ir_utils._unique_var_count = 0, 0
+        compiling.append(function)
         try:
             return compile_one(self, function)
         finally:
+            compiling.pop()
             identity._unique_ids, labels._value, ir_utils._unique_var_count = numbering_of_caller
 
     compiler.CompilerBase.compile_extra = compile_separately
@@ -153,21 +156,17 @@ def _take_shortcuts() -> None:
     cpu.CPUTargetOptions.finalize = copy_of_numba
     optimize = codegen.CPUCodeLibrary._optimize_final_module
 
-    def optimize_called(self: Any) -> None:
-        """Optimize the module of a function, unless its code is copied into other functions and
-        optimized there.
+    def optimize_whole(self: Any) -> None:
+        """Optimize the module of a function that no other function waits for: it contains the code
+        of all functions that are called, each of which would otherwise be optimized again in each
+        module that contains it.
 
         The method replaces `_optimize_final_module` of the modules of numba (`self`).
         """
-        defined = (
-            function
-            for function in self._final_module.functions
-            if function.linkage == Linkage.external and not function.is_declaration
-        )
-        if not any(b"alwaysinline" in text for function in defined for text in function.attributes):
+        if len(compiling) <= 1:
             optimize(self)
 
-    codegen.CPUCodeLibrary._optimize_final_module = optimize_called
+    codegen.CPUCodeLibrary._optimize_final_module = optimize_whole
     # No code is executed in this process, and modules are not registered for their execution.
     codegen.CPUCodeLibrary._finalize_final_module = lambda self: setattr(self, "_finalized", True)
     codegen.JITCPUCodegen.set_env = lambda *_: None
@@ -177,9 +176,10 @@ def _take_shortcuts() -> None:
 
 
 def _omit_passes() -> None:
-    """Let numba execute its passes without events, time measurements, repeated tests and the
-    lifetimes of variables after each pass, of which only the last ones are used."""
+    """Let numba execute its passes without events, time measurements, repeated tests, the lifetimes
+    of variables, and repeated sizes of types."""
     import llvmlite.binding as llvm
+    from llvmlite import ir as llvmlite_ir
     from numba.core import compiler, compiler_machinery, postproc, transforms
 
     unfinished = compiler.StateDict(func_ir=None, flags=compiler.Flags())
@@ -196,13 +196,13 @@ def _omit_passes() -> None:
             postproc.PostProcessor(state.func_ir).run()
 
     def order_blocks(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
-        """Order the blocks of a function, and mark the ends of the lifetimes of its variables if
-        `emit_dels` is true; replaces `run` of the post-processor (`self`)."""
+        """Order the blocks of a function; replaces `run` of the post-processor (`self`), which also
+        marks the ends of the lifetimes of variables, for the counting of references."""
         self.func_ir.blocks = transforms.canonicalize_cfg(self.func_ir.blocks)
-        if emit_dels:
-            self.func_ir.variable_lifetime = postproc.VariableLifetime(self.func_ir.blocks)
-            self._insert_var_dels(extend_lifetimes)
 
+    # llvmlite parses a module each time it is asked for the size of a type.
+    size = functools.cache(llvmlite_ir.Type.get_abi_size)
+    llvmlite_ir.Type.get_abi_size = lambda self, data, context=None: size(self, data)
     compiler.DefaultPassBuilder.define_nopython_pipeline = lambda state: passes
     compiler_machinery.PassManager._runPass = run_pass
     postproc.PostProcessor.run = order_blocks
