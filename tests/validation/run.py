@@ -1,25 +1,30 @@
-"""Write the validation page: python tests/validation/run.py
+"""Measure the validation cases and write their page: python tests/validation/run.py
 
-The page is README.md in this directory, with its figures. Cases with missing files (`fetch.py`) are
-replaced by a line that states how to obtain them. With --check, nothing is written: the cases are
-computed and compared with their tolerances, and the exit code is 1 if a case exceeds its tolerance.
+The numbers are written to the CSV files in this directory, and README.md is written from them. The
+values of cases with missing files (`fetch.py`) or programs are kept. With --page, only the page is
+written. With --check, nothing is written: the cases are computed and compared with their
+tolerances, and the exit code is 1 if a case exceeds its tolerance.
 """
 
 import argparse
 import csv
+import dataclasses
 import io
 import os
 import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import opensees
 from fetch import SOURCES
 from file_cases import berkeley_cases, el_centro_cases, kaikoura_cases
-from manufactured import AMPLITUDE, STEPS, observe_all
+from manufactured import AMPLITUDE, STEPS, Observed, observe_all
+from shake_table import shake_table_cases
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
 import png_text
@@ -30,7 +35,6 @@ from tdint.assessment.validation.validation import (
     ROUNDING,
     ValidationCase,
     ValidationResult,
-    all_cases,
     closed_form_cases,
     compute_case,
     feature_cases,
@@ -45,17 +49,33 @@ PAGE = HERE / "README.md"
 
 INTRODUCTION = f"""# Validation
 
-This page compares results of this version with exact solutions, textbook tables, other programs, published response
-spectra, and a recorded structure. One command generates the page, also on your machine, in a few minutes:
+This page compares results of this version with exact solutions, textbook tables, other programs,
+published response spectra, and a recorded structure. One command measures the cases and writes this
+page, also on your machine, in a few minutes; `tdint validate` runs, in seconds, the cases that need
+no additional file:
 
 ```
 $ python tests/validation/run.py
 ```
 
-`tdint validate` runs, in seconds, the cases that need no additional file. Each case states the cause of its difference:
-**{NUMERICAL}** (of method and step), **{MODEL}** (a shear building represents the structure only approximately), **{ROUNDING}** (printed
-digits, or another value of g). Differences that exceed their tolerance are marked **outside**.
-"""  # noqa: E501
+Each case states the cause of its largest difference: **{NUMERICAL}** (of method and step),
+**{MODEL}** (a shear building represents the structure only approximately), **{ROUNDING}** (printed
+digits, or another value of g). Differences and tolerances without a unit are relative, or those of
+dimensionless values. Differences that exceed their tolerance are marked **outside**. All published
+and computed values are in [cases.csv](cases.csv).
+"""
+
+
+def stored(name: str) -> list[dict[str, str]]:
+    """Return the rows of a CSV file in this directory."""
+    with (HERE / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def store(name: str, rows: Iterable[Sequence[str]], heads: Sequence[str]) -> None:
+    """Write a CSV file in this directory."""
+    with (HERE / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([heads, *rows])
 
 
 def tdint_command(*arguments: str) -> str:
@@ -84,162 +104,207 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
-def case_text(result: ValidationResult) -> str:
-    """Return the text of a case: description and values."""
-    case = result.case
-    unit = "" if case.unit == "1" else f", {case.unit}"
-    size = "relative difference" if case.relative else "difference"
-    verdict = "within" if result.within else "**outside**"
-    remark = f" ({case.remark})" if case.remark else ""
-    text = (
-        f"**{case.name}**: {case.title}. Source: {case.source}. Largest {size} "
-        f"{result.largest:.1e}, {verdict} {case.tolerance:.1e}: {case.difference_is}{remark}.\n\n"
-    )
-    numbers = (("published" + unit, case.published), ("computed" + unit, result.computed))
-    return text + table(
-        ["", *case.quantities], [[name, *map(number, values)] for name, values in numbers]
-    )
+def case_groups() -> dict[str, tuple[Sequence[ValidationCase], bool]]:
+    """Return the cases of each section, and True if their files are here."""
+    shake_table = SOURCES["shake-table"]
+    return {
+        "Exact solutions": (closed_form_cases(), True),
+        "Textbooks": (textbook_cases(), True),
+        "Features": (feature_cases(), True),
+        "El Centro": (el_centro_cases(), SOURCES["elcentro"].here()),
+        "Berkeley": (berkeley_cases(), SOURCES["berkeley"].here()),
+        "Kaikoura": (kaikoura_cases(), True),
+        "Recorded": (shake_table_cases(shake_table.path, tdint_command), shake_table.here()),
+    }
 
 
-def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> str:
-    """Compute the cases of a group and return their text."""
-    found = [compute_case(case) for case in group]
-    results += found
-    return "\n".join(map(case_text, found))
-
-
-def with_file(
-    results: list[ValidationResult], name: str, group: Callable[[], Sequence[ValidationCase]]
-) -> str:
-    """Return cases that need a fetched file, or the instruction to fetch it."""
-    source = SOURCES[name]
-    if not source.here():
-        return (
-            f"The file `{name}` is missing ({source.what}): run `python "
-            f"tests/validation/fetch.py {name}`, then generate this page again.\n"
-        )
-    return cases(results, group())
-
-
-# ---- Sections
-
-
-def code_verification(results: list[ValidationResult]) -> str:
-    """Return section a of the page, the verification of the code."""
-    orders = []
-    for row in csv.DictReader(io.StringIO(tdint_command("order", "--frequency-ratio", "0.5"))):
-        orders.append(
-            [
-                row["method"],
-                f"{parse(row['method']).order:g}",
-                *(_short(row[f"{q}_order"]) for q in _QUANTITIES),
-            ]
-        )
-    observations = observe_all()
-    steps = [f"T/{steps * 2 * np.pi / (5.0 * 4.0):.0f}" for steps in (STEPS[0], STEPS[-1])]
-    manufactured = [
-        [
-            observed.law,
-            observed.method,
-            f"{observed.order:.2f}",
-            *(f"{observed.errors[end]:.1e}" for end in (0, -1)),
+def stored_results() -> dict[str, list[ValidationResult]]:
+    """Return the stored results of each section."""
+    computed: dict[str, list[float]] = {}
+    for row in stored("cases"):
+        computed.setdefault(row["case"], []).append(float(row["computed"]))
+    return {
+        section: [
+            compute_case(dataclasses.replace(case, computed=partial(computed.get, case.name)))
+            for case in group
         ]
-        for observed in observations
-    ]
-    return (
-        "### Exact solutions\n\n"
-        + cases(results, closed_form_cases())
-        + "\n### Observed orders, linear oscillator\n\n"
-        "Harmonic force at half the natural frequency, steps T/50 to T/800, against the exact "
-        "motion (`tdint order --frequency-ratio 0.5`): slopes of the errors of displacement, "
-        "velocity and acceleration.\n\n"
-        + table(["method", "declared", *_QUANTITIES], orders)
-        + "\n### Manufactured solutions, smooth laws\n\n"
-        f"The motion {AMPLITUDE} sin 5t m is prescribed, and the force that causes it is applied "
-        "as harmonics ([manufactured.py](manufactured.py)): maximum error of the displacement "
-        "divided by the amplitude, and the order of the last two steps with errors above rounding. "
-        "T is the period of the motion.\n\n"
-        + table(["law", "method", "observed", *steps], manufactured)
+        for section, (group, _) in case_groups().items()
+    }
+
+
+# ---- Measurements
+
+
+def measure_cases() -> None:
+    """Compute all cases with their files here, and keep the values of the others."""
+    kept = {(row["case"], row["quantity"]): row["computed"] for row in stored("cases")}
+    rows = []
+    for group, here in case_groups().values():
+        for case in group:
+            values = (
+                [f"{value:.17g}" for value in compute_case(case).computed]
+                if here
+                else [kept[case.name, quantity] for quantity in case.quantities]
+            )
+            published = [f"{value:.17g}" for value in case.published]
+            rows += [
+                [case.name, quantity, case.unit, *pair]
+                for quantity, *pair in zip(case.quantities, published, values, strict=True)
+            ]
+    store("cases", rows, ("case", "quantity", "unit", "published", "computed"))
+
+
+def measure_orders() -> None:
+    """Observe the orders for a linear oscillator, and for manufactured solutions."""
+    lines = csv.DictReader(io.StringIO(tdint_command("order", "--frequency-ratio", "0.5")))
+    store("orders", [order_row(line) for line in lines], ("method", "declared", *_QUANTITIES))
+    steps = [f"T/{steps * 2 * np.pi / (5.0 * 4.0):.0f}" for steps in STEPS]
+    store(
+        "manufactured",
+        [manufactured_row(observed) for observed in observe_all()],
+        ("law", "method", "declared", "observed", *steps),
     )
 
 
 _QUANTITIES = ("displacement", "velocity", "acceleration")
 
 
-def _short(text: str) -> str:
-    return f"{float(text):.2f}" if text else "rounding"
+def order_row(line: dict[str, str]) -> list[str]:
+    """Return the row of a method from a row of `tdint order`; empty cells are rounding errors."""
+    orders = (line[f"{quantity}_order"] for quantity in _QUANTITIES)
+    declared = f"{parse(line['method']).order:g}"
+    return [line["method"], declared, *(f"{float(order):.2f}" if order else "" for order in orders)]
 
 
-def features(results: list[ValidationResult]) -> str:
-    """Return section b of the page, the features of models and the laws."""
+def manufactured_row(observed: Observed) -> list[str]:
+    """Return the row of a method and a law."""
+    declared, errors = f"{observed.declared:g}", (f"{error:.1e}" for error in observed.errors)
+    return [observed.law, observed.method, declared, f"{observed.order:.2f}", *errors]
+
+
+def measure_programs() -> None:
+    """Compare the peak drifts with OpenSees; without OpenSeesPy, with its stored results."""
+    kept, recomputed = opensees.kept(), opensees.recomputed_peaks()
+    rows = []
+    for name, frame in opensees.problems().items():
+        own = opensees.ours(frame)
+        theirs = np.asarray(recomputed.get(name, kept[name]["peak_drift_m"]))
+        difference = np.max(np.abs(own / theirs - 1.0))
+        rows.append([name, frame.what, number(theirs[0]), number(own[0]), f"{difference:.1e}"])
+    store("programs", rows, ("model", "description", "opensees_m", "tdint_m", "difference"))
+
+
+def measure_times() -> None:
+    """Draw the work-precision diagram, and store the times at the sampling interval."""
+    picture = HERE / "work-precision.png"
+    text = tdint_command(*WORK_PRECISION, f"--plot={picture}", "--overwrite")
+    png_text.stamp(picture, f"{' '.join(('tdint', *WORK_PRECISION))} --plot={picture.name}")
+    store(
+        "work_precision",
+        [
+            [
+                row["method"],
+                f"{1e3 * float(row['time_s']):.3g}",
+                f"{float(row['peak_drift_error']):.1e}",
+                "processor time",
+                time.strftime("%Y-%m-%d"),
+            ]
+            for row in csv.DictReader(io.StringIO(text))
+            if row["dt_s"] == "0.01"
+            and row["outcome"] in ("done", "collapsed")
+            and row["peak_drift_error"]
+        ],
+        ("method", "time_ms", "error", "clock", "date"),
+    )
+
+
+# ---- Sections
+
+
+def case_table(results: Sequence[ValidationResult], with_source: bool = True) -> str:
+    """Return the table of cases."""
+    heads = ["case", "description", *["source"] * with_source, "difference", "tolerance", "cause"]
+    return table(heads, (case_row(result, with_source) for result in results))
+
+
+def case_row(result: ValidationResult, with_source: bool) -> list[str]:
+    """Return the row of a case: description, largest difference, tolerance and cause."""
+    case = result.case
+    unit = "" if case.relative or case.unit == "1" else f" {case.unit}"
+    remark = f" ({case.remark})" if case.remark else ""
+    return [
+        f"**{case.name}**",
+        case.title,
+        *[case.source] * with_source,
+        f"{result.largest:.1e}{unit}" + " **outside**" * (not result.within),
+        f"{case.tolerance:.1e}{unit}",
+        case.difference_is + remark,
+    ]
+
+
+def code_verification(results: Sequence[ValidationResult]) -> str:
+    """Return the section on exact solutions and observed orders."""
+    orders, manufactured = stored("orders"), stored("manufactured")
+    differences = [
+        abs(float(row[name]) - float(row["declared"]))
+        for row in orders
+        for name in _QUANTITIES
+        if row[name]
+    ]
+    worst = max(manufactured, key=lambda row: abs(float(row["observed"]) - float(row["declared"])))
     return (
-        "Peak drifts (m) and damper forces (N) of two stories under a ground motion of 2.4 s "
+        "### Exact solutions\n\n" + case_table(results) + "\n### Observed orders\n\n"
+        "Linear oscillator under a harmonic force at half the natural frequency, steps T/50 to "
+        "T/800, against the exact motion (`tdint order --frequency-ratio 0.5`): the slopes of the "
+        f"errors of displacement, velocity and acceleration of {len(orders)} methods differ from "
+        f"the declared orders by at most {max(differences):.2f} ([orders.csv](orders.csv)).\n\n"
+        f"Manufactured solutions of smooth laws: the motion {AMPLITUDE} sin 5t m is prescribed, "
+        "and the force that causes it is applied as harmonics "
+        "([manufactured.py](manufactured.py)). The orders of the last two steps with errors above "
+        f"rounding, {len(manufactured)} pairs of a method and a law, differ from the declared "
+        "orders by at most "
+        f"{abs(float(worst['observed']) - float(worst['declared'])):.2f} (`{worst['method']}`, "
+        f"{worst['law']}); errors relative to the amplitude are in "
+        "[manufactured.csv](manufactured.csv).\n"
+    )
+
+
+def features(results: Sequence[ValidationResult]) -> str:
+    """Return the section on the features of models and the laws."""
+    return (
+        "Peak drifts and damper forces of two stories under a ground motion of 2.4 s "
         "(5 sin(pi t / 2.4)^2 sin(3.2 pi t) m/s^2, sampled every 0.02 s) by `impulse4` with steps "
         "of 0.005 s (relief valves: 0.0025 s). The published values are those of "
         "[separate_solver.py](separate_solver.py): the classical Runge-Kutta method with steps of "
         "0.2 ms and [second statements of the laws](../separate_laws.py); half of this step "
         "changes them by less than 1e-6. The models are in the file `validation_cases.toml` of the "
-        "package.\n\n" + cases(results, feature_cases())
+        "package.\n\n" + case_table(results, with_source=False)
     )
 
 
 def other_programs() -> str:
-    """Return section c of the page, the comparison with other programs."""
-    import opensees
-
-    kept = opensees.kept()
-    recomputed = opensees.recomputed_peaks()
-    lines = []
-    for name, frame in opensees.problems().items():
-        own = opensees.ours(frame)
-        theirs = recomputed.get(name, kept[name]["peak_drift_m"])
-        worst = float(np.max(np.abs(own / np.asarray(theirs) - 1.0)))
-        lines.append([name, frame.what, number(theirs[0]), number(float(own[0])), f"{worst:.1e}"])
-    origin = (
-        "computed on this machine"
-        if recomputed
-        else f"stored with {kept['version']}, because OpenSeesPy is not installed"
-    )
+    """Return the section on other programs."""
+    heads = ("model", "description", "OpenSees, story 1, m", "tdint", "difference of any story")
     return (
         "Peak drifts at the time steps of equal models with the same method and step: average "
-        f"acceleration, 0.01 s, [opensees.py](opensees.py). The results of OpenSees were {origin}. "
+        f"acceleration, 0.01 s, [opensees.py](opensees.py), {opensees.kept()['version']}. "
         f"Differences are {NUMERICAL}: OpenSees iterates to a tolerance of 1e-9 of the largest "
-        "inertia force.\n\n"
-        + table(
-            [
-                "model",
-                "description",
-                "OpenSees, story 1, m",
-                "tdint",
-                "largest relative difference of a story",
-            ],
-            lines,
-        )
+        "inertia force.\n\n" + table(heads, (list(row.values()) for row in stored("programs")))
     )
 
 
 def work_precision() -> str:
-    """Return section g of the page, the work-precision diagrams."""
-    picture = HERE / "work-precision.png"
-    text = tdint_command(*WORK_PRECISION, f"--plot={picture}", "--overwrite")
-    command = " ".join(("tdint", *WORK_PRECISION))
-    png_text.stamp(picture, f"{command} --plot={picture.name}")
-    rows = [row for row in csv.DictReader(io.StringIO(text)) if row["dt_s"] == "0.01"]
-    shown_rows = [
-        [
-            row["method"],
-            f"{1e3 * float(row['time_s']):.3g}",
-            f"{float(row['peak_drift_error']):.1e}",
-        ]
-        for row in rows
-        if row["outcome"] in ("done", "collapsed") and row["peak_drift_error"]
-    ]
+    """Return the section with the work-precision diagram."""
+    rows = stored("work_precision")
     return (
-        f"`{command}`: ten yielding stories, 40 s, "
-        "processor time of the time loops on this machine (above), maximum error of the peak "
-        "drifts relative to a reference that a second method confirms.\n\n![Time over error of "
-        "methods and of other programs](work-precision.png)\n\n"
-        + table(["method", "time at dt 0.01 s, ms", "error of peak drift"], shown_rows)
+        f"`{' '.join(('tdint', *WORK_PRECISION))}`: ten yielding stories, 40 s, {rows[0]['clock']} "
+        f"of the time loops, measured {rows[0]['date']}, maximum error of the peak drifts relative "
+        "to a reference that a second method confirms.\n\n![Time over error of methods and of "
+        "other programs](work-precision.png)\n\n"
+        + table(
+            ("method", "time at dt 0.01 s, ms", "error of peak drift"),
+            ([row["method"], row["time_ms"], row["error"]] for row in rows),
+        )
     )
 
 
@@ -250,19 +315,6 @@ WORK_PRECISION = (
     *("--method", _CHARTED, "--peers", "--no-cache", "--repeat", "3"),
 )
 """The command of the work-precision diagram, without the file."""
-
-
-def recorded_structures(results: list[ValidationResult]) -> str:
-    """Return section f of the page, the recorded structures."""
-    source = SOURCES["shake-table"]
-    if not source.here():
-        return (
-            f"The file `shake-table` is missing ({source.what}): `python tests/validation/fetch.py "
-            "shake-table` explains how to get it.\n"
-        )
-    import shake_table
-
-    return cases(results, shake_table.shake_table_cases(source.path, tdint_command))
 
 
 def machine() -> str:
@@ -282,29 +334,30 @@ def machine() -> str:
     return f"{text}; {platform.system()} on {platform.machine()}, {cores} processors."
 
 
-def page() -> tuple[str, list[ValidationResult]]:
-    """Return the page and the results that it contains."""
-    results: list[ValidationResult] = []
+def page() -> str:
+    """Return the page of the stored numbers."""
+    results = stored_results()
     sections = {
-        "Code verification": code_verification(results),
-        "Textbooks, and printed results of other programs": cases(results, textbook_cases()),
-        "Features and laws, by a separate solver": features(results),
+        "Code verification": code_verification(results["Exact solutions"]),
+        "Textbooks, and printed results of other programs": case_table(results["Textbooks"]),
+        "Features and laws, by a separate solver": features(results["Features"]),
         "Other programs, the same model": other_programs(),
-        "Published spectra and measures": "### El Centro\n\n"
-        + with_file(results, "elcentro", el_centro_cases)
-        + "\n### USGS, Berkeley 2018\n\n"
-        + with_file(results, "berkeley", berkeley_cases)
-        + "\n### GeoNet, Kaikoura 2016\n\nHorizontal HN1 and HN2, vertical HNZ "
-        "([records](../../records/README.md)).\n\n" + cases(results, kaikoura_cases()),
-        "A recorded structure": recorded_structures(results),
+        "Published spectra and measures": "El Centro 1940, Berkeley 2018, and the horizontal "
+        "and vertical components of Kaikoura 2016 ([records](../../records/README.md)).\n\n"
+        + case_table([*results["El Centro"], *results["Berkeley"], *results["Kaikoura"]]),
+        "A recorded structure": case_table(results["Recorded"]),
         "Work-precision diagram": work_precision(),
     }
-    outside = [result.case.name for result in results if not result.within]
-    verdict = f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances"
+    found = [result for group in results.values() for result in group]
+    outside = [result.case.name for result in found if not result.within]
+    verdict = f"{len(found) - len(outside)} of {len(found)} cases are within their tolerances"
     verdict += f"; outside: {', '.join(outside)}" if outside else ""
     contents = "\n".join(f"- [{title}](#{_anchor(title)})" for title in sections)
     body = "\n".join(f"## {title}\n\n{text}" for title, text in sections.items())
-    return f"{INTRODUCTION}\n{verdict}. Written with {machine()}\n\n{contents}\n\n{body}", results
+    (conditions,) = stored("conditions")
+    return (
+        f"{INTRODUCTION}\n{verdict}. Measured with {conditions['versions']}\n\n{contents}\n\n{body}"
+    )
 
 
 def _anchor(title: str) -> str:
@@ -319,16 +372,19 @@ def main() -> int:
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit code 1 if a case is outside"
     )
+    parser.add_argument("--page", action="store_true", help="write only the page")
     arguments = parser.parse_args()
     begin = time.perf_counter()
     if arguments.check:
-        groups = [*all_cases(), *kaikoura_cases()]
-        groups += el_centro_cases() if SOURCES["elcentro"].here() else ()
-        groups += berkeley_cases() if SOURCES["berkeley"].here() else ()
+        groups = [case for group, here in case_groups().values() if here for case in group]
         results = [compute_case(case) for case in groups]
     else:
-        text, results = page()
-        PAGE.write_text(text, encoding="utf-8")
+        if not arguments.page:
+            store("conditions", [[machine()]], ["versions"])
+            for measure in (measure_cases, measure_orders, measure_programs, measure_times):
+                measure()
+        PAGE.write_text(page(), encoding="utf-8")
+        results = [result for group in stored_results().values() for result in group]
     for result in results:
         if not result.within:
             print(f"{result.case.name}: {result.largest:.3g} is beyond {result.case.tolerance:.3g}")
