@@ -22,7 +22,7 @@ from tdint.assessment.chart.performance_profiles import (
     Measured,
     has_specified_steps,
 )
-from tdint.assessment.chart.work_precision import BY_TOLERANCE, NOT_RUN
+from tdint.assessment.chart.work_precision import BY_TOLERANCE
 from tdint.model.status import DONE
 
 HERE = Path(__file__).parent
@@ -39,48 +39,10 @@ TOLERANCE_NOTE = """\
 Processor time of the whole command `tdint run --tolerance` with `impulse4` (choice of the time step
 and error estimate), divided by the time of the cheapest single run that meets the tolerance: of all
 methods, and of `impulse4`. The user who asks for a tolerance does not know this single run; a run
-and its check with half the time step already cost 3 times the single run. The run counted here is
-the one for which the tolerance was asked. The search controls the error of the story drifts.
-
-The goal is a median of at most 4 for peak drifts. It is met at .01 % alone, for two reasons:
-
-- The time of the single run is that of its time loop, and the time of the command contains also
-  the Python code of each run and of the error estimates. In a separate measurement of 33 problems,
-  the medians at 10, 3, 1, .3, .1 and .01 % were 6.3, 5.4, 5.2, 5.3, 4.5 and 3.7. The medians of the
-  time loops alone were 4.0, 3.7, 3.2, 3.8, 3.3 and 3.0; the Python code of the runs added 1.0, .9,
-  .8, .7, .5 and .4, and the selection and the error estimates 1.4, 1.1, 1.0, .8, .6 and .5.
-- The error of a run is confirmed by the next longer step of the search. Solves are counted by
-  `python tests/benchmarks/error_estimates.py tolerance --method impulse4 --standard`. On the 36
-  problems, a search needs 4.5, 3.8, 3.4, 3.5, 3.4 and 3.0 times the solves of the single run. The
-  first pair of runs, with 4 and 2 sampling intervals (2 and 1 below .3 %), needs 4.3, 3.2, 2.7,
-  2.2, 3.0 and 1.5 times these solves, and the accepted run 2.8, 2.3, 2.0, 2.0, 2.0 and 2.0 times.
-  With a first step of eight intervals, twice as many results exceed the tolerance in random
-  buildings, see [tests](../MEASUREMENTS.md#reliability-of-error-estimates).
-
-A profile (cProfile; tanh, near-fault, 10 %, a search of two runs) shows no work that is repeated or
-discarded. The time loops take 1.6 ms, the Python code 0.9 ms with 1375 function calls: two fifths
-of this time for the results of both runs, a seventh for the error estimates, and less for all other
-functions.
-"""
-SPECTRA = (
-    "tdint at most 5.8e-12, eqsig 0.11 % above 0.1 s and 1.8 % below 0.02 s, pyrotd 5.8 to 31 %"
-)
-"""Errors of elastic spectra in the table of tests/MEASUREMENTS.md."""
-LOOPS_NOTE = """\
-The cause is the selection of the law of each story. Loops for all laws without modal damping and
-forces on floors take 1.05 times the time of own loops (base-isolated, `gauss4`; all laws and all
-features 1.10), loops for the laws of the building with all features 0.99 times. The linear and the
-bilinear law are tested first and are part of the loop. Other laws are called; code of all laws
-within the loop would make it larger, and its compilation several times longer.
-Loops of a wheel, for the oldest processor of its platform (linux-x86-64-v3), take 1.00
-(base-isolated), 1.12 (ten-story) and 1.05 times (collapse-prone-frame) the time with `gauss4`.
-
-The gap remains: up to 15 % of the time of a loop. Loops for groups of laws would multiply the size
-of a wheel, which has 1.4 MB for one processor. An own loop that is compiled during a long study
-takes 13 to 21 s of processor time for ten stories ([measured](../MEASUREMENTS.md)). With the median
-gain of 6 %, it pays for studies of more than 4 to 6 minutes, and only if numba is installed. It is
-not built: it would change the loops during a study. `tdint compile MODEL.yaml` compiles own loops
-before a long study; these are used in preference to the loops for all laws.
+and its check with half the time step already cost 3 times the single run. The search controls the
+error of the story drifts. The goal, a median of at most 4 for peak drifts, is not met above .01 %:
+the error of a run is confirmed by the next longer step of the search, and the Python code of each
+run counts. A longer first step would double the number of results beyond the tolerance.
 """
 OTHER_SCHEME = "bouc-wen"
 """Building whose law OpenSees integrates by a scheme of order 1."""
@@ -151,13 +113,12 @@ def cost_of_tolerances(chart: FieldChart, method: str = "impulse4") -> str:
                     f"{median(over_all):.2f}",
                     f"{median(over_method):.2f}",
                     f"{max(over_method):.1f}",
-                    f"{sum(ratio <= 4.0 for ratio in over_method)} of {len(over_method)}",
                     f"{beyond} of {len(over_all)}",
                 ]
             )
     heads = [
         "error", "tolerance", "median, cheapest method", f"median, {method}", f"largest, {method}",
-        "at most 4", "beyond the tolerance",
+        "beyond the tolerance",
     ]  # fmt: skip
     return f"{TOLERANCE_NOTE}\n{table(heads, rows)}"
 
@@ -215,7 +176,7 @@ def by_building(chart: FieldChart) -> dict[str, list[Measured]]:
 
 
 def statements(chart: FieldChart) -> list[str]:
-    """Return sentences on the cheapest methods, one for each range of tolerances."""
+    """Return how often each method is the cheapest, one text for each tolerance."""
     buildings = by_building(chart)
     sentences = []
     for tolerance in TOLERANCES:
@@ -226,10 +187,8 @@ def statements(chart: FieldChart) -> list[str]:
             if methods:
                 counts[methods[0]] += 1
         leaders = sorted(counts.items(), key=lambda item: -item[1])
-        listed = ", ".join(f"`{line}` for {count}" for line, count in leaders)
-        sentences.append(
-            f"{percent(tolerance)}: the cheapest method of {len(buildings)} buildings is {listed}."
-        )
+        listed = ", ".join(f"`{line}` {count}" for line, count in leaders)
+        sentences.append(f"{percent(tolerance)}: {listed}")
     return sentences
 
 
@@ -247,10 +206,11 @@ def cheapest_methods(chart: FieldChart) -> str:
     ]
     listed = "\n".join(f"- {sentence}" for sentence in statements(chart))
     return (
-        "The cheapest method of a building has the smallest geometric mean, over its ground "
-        "motions and the three quantities, of the cost divided by the minimum cost. Only methods "
-        f"that solve all cases are compared. Methods with at most {ALIKE:g} times the smallest "
-        f"mean are listed also; at most three methods are listed.\n\n{listed}\n\n"
+        "The cheapest methods of a building have the smallest geometric mean, over its ground "
+        "motions and the three quantities, of the cost divided by the minimum cost, or at most "
+        f"{ALIKE:g} times this mean (at most three are listed). Only methods that solve all cases "
+        "are compared. Number of buildings for which a method is the cheapest, by tolerance:\n\n"
+        f"{listed}\n\n"
         f"{table(['building', *map(percent, TOLERANCES)], rows)}"
     )
 
@@ -418,78 +378,12 @@ def errors_of_same_methods(chart: FieldChart, lines: Sequence[str]) -> str:
     if not rows:
         return ""
     return (
-        "The next table contains errors of OpenSees divided by errors of the method of tdint with "
-        "the same name and time step, up to the sampling interval: the median, and in parentheses "
-        f"the number of ratios between {NEAR[0]:g} and {NEAR[1]:g}. Accelerations and shears "
-        "agree. Drifts differ because the peaks of tdint include peaks between the time steps. "
-        f"OpenSees integrates the hysteresis model of {OTHER_SCHEME} with a scheme of order 1."
+        "Errors of OpenSees divided by errors of the method of tdint with the same name and time "
+        "step, up to the sampling interval: the median, and in parentheses the number of ratios "
+        f"between {NEAR[0]:g} and {NEAR[1]:g}. Drifts differ because the peaks of tdint include "
+        f"peaks between the time steps, {OTHER_SCHEME} because OpenSees integrates its law with a "
+        "scheme of order 1."
         f"\n\n{table(heads, rows)}"
-    )
-
-
-# ---- Questions of an independent review
-
-
-def review(chart: FieldChart, lines: Sequence[str], apart: str, seconds: float) -> str:
-    """Return the answers to five questions of a review, with numbers from the stored files.
-
-    Parameters
-    ----------
-    chart : FieldChart
-        Results.
-    lines : sequence of str
-        Lines of OpenSees that are among the profiles.
-    apart : str
-        Line of OpenSees in a separate table.
-    seconds : float
-        Time limit of OpenSees for a problem and an integrator, s.
-    """
-    points = [point for problem in chart.measured for point in problem.points]
-    counts = {
-        line: (
-            sum(point.line == line for point in points),
-            sum(point.line == line and point.outcome == NOT_RUN for point in points),
-        )
-        for line in (*lines, apart)
-    }
-    runs = "; ".join(f"`{line}` {missing} of {all_}" for line, (all_, missing) in counts.items())
-    ratios = [
-        ratio
-        for line, quantity in product(lines, PEAKS[1:])
-        for building, values in ratios_of_errors(chart, line, quantity).items()
-        if building != OTHER_SCHEME
-        for ratio in values
-    ]
-    near = sum(NEAR[0] <= ratio <= NEAR[1] for ratio in ratios)
-    middle = median(ratios) if ratios else math.nan  # without OpenSees there are no ratios
-    adaptive = [
-        float(row["time_s"]) / float(row["impulse4_time_s"])
-        for row in raw_points.read(HERE / "adaptive.csv")
-        if row["status"] == DONE
-    ]
-    loops = [float(row["ratio"]) for row in raw_points.read(HERE / "loops.csv")]
-    return (
-        "An independent review of a former version of this page raised five questions.\n\n"
-        "1. *Did OpenSees not solve a problem, or was it stopped?* Each integrator has its own "
-        f"limit of {seconds:g} s for a problem, and long steps are run first. Runs that were not "
-        f"executed count as not run: {runs}. [Other programs](#other-programs) contains the "
-        "counts.\n"
-        "2. *Are both programs judged by the same acceleration?* Yes, by that of equilibrium at "
-        "the end of a step. At equal steps, the median ratio of the errors of accelerations and "
-        f"shears of OpenSees to those of tdint is {middle:.2f}; {near} of {len(ratios)} "
-        f"ratios are between {NEAR[0]:g} and {NEAR[1]:g} (without {OTHER_SCHEME}, see "
-        "[Other programs](#other-programs)).\n"
-        "3. *How large are the errors of spectra, measured by a second implementation?* "
-        f"{SPECTRA[0].upper()}{SPECTRA[1:]} ([Spectra](../MEASUREMENTS.md#spectra)).\n"
-        f"4. *Where are the raw points?* The {len(points)} runs are in [points.csv](points.csv); "
-        "`python tests/benchmarks/run.py --page` writes all tables and figures from the CSV files "
-        "without a run. Adaptive solvers with located events take "
-        f"{min(adaptive):.0f} to {max(adaptive):.0f} times the time of `impulse4` "
-        "([Adaptive solvers](#adaptive-solvers)).\n"
-        "5. *Are all times measured in loops of the same kind?* Yes, in loops for the laws of the "
-        "building. Loops for all laws, which wheels contain, take "
-        f"{min(loops):.2f} to {max(loops):.2f} times as long, median {median(loops):.2f} "
-        "([Loops for all laws](#loops-for-all-laws)).\n"
     )
 
 
@@ -520,12 +414,11 @@ def plain_loop_tables() -> str:
     ]
     first_call = raw_points.read(HERE / "fixed_cost.csv")[0]
     return (
-        "The table contains the time of a plain loop divided by the time of `run_case` with "
-        "`impulse4` and without error estimate, for ten random bilinear buildings under the "
-        "shipped motions. The plain loop is 40 lines of average acceleration for bilinear stories, "
-        "compiled with numba, without energies, peaks between steps and checks. Each program uses "
-        "the longest time step for which it and all shorter steps meet the tolerance (`python "
-        "tests/benchmarks/plain_loop.py`; the programs run alternately in one process).\n\n"
+        "Time of a plain loop divided by the time of `run_case` with `impulse4` and without error "
+        "estimate, for ten random bilinear buildings. The plain loop is 40 lines of average "
+        "acceleration, compiled with numba, without energies, peaks between steps and checks. Each "
+        "program uses the longest time step for which it and all shorter steps meet the tolerance "
+        "(`python tests/benchmarks/plain_loop.py`).\n\n"
         f"{table(heads, rows)}\n"
         f"A call without error estimate for {first_call['stories']} stories and "
         f"{first_call['steps']} steps, compared with its time loop, which takes "
@@ -534,7 +427,7 @@ def plain_loop_tables() -> str:
     )
 
 
-# ---- Loops for all laws
+# ---- Forces on floors
 
 
 def loads_table() -> str:
@@ -567,45 +460,8 @@ def loads_table() -> str:
 
 LOADS = """\
 Two models without a ground motion: [a tower in wind](../../configs/wind-tower.yaml), which is linear and has 20 forces from
-a table, and [a frame under a blast](../../configs/blast-frame.yaml), whose stories yield and whose forces jump. They are not
-part of the profiles. The time steps are the same multiples as above, of a fiftieth of the first period, so that kinks and
-jumps are inside steps. The table contains the cost of a tolerance divided by the minimum cost of all methods (`-`: no time
-step meets the tolerance). Write it with `python tests/benchmarks/loads.py` and `python tests/benchmarks/run.py --page`.
+a table, and [a frame under a blast](../../configs/blast-frame.yaml), whose stories yield and whose forces jump. The time
+steps are multiples of a fiftieth of the first period, so that kinks and jumps are inside steps. The table contains the cost
+of a tolerance divided by the minimum cost of all methods (`-`: no time step meets the tolerance); measure it with
+`python tests/benchmarks/loads.py`.
 """  # noqa: E501
-
-
-def loops_table() -> str:
-    """Return the table of loops.csv."""
-    measurements = raw_points.read(HERE / "loops.csv")
-    sources = list(dict.fromkeys(row["loops"] for row in measurements))  # of the loops
-    methods = list(dict.fromkeys(row["method"] for row in measurements))
-    ratios: dict[str, dict[tuple[str, str], str]] = {}
-    for row in measurements:
-        ratios.setdefault(row["model"], {})[row["loops"], row["method"]] = row["ratio"]
-    heads = ["model", *(f"`{method}`, {source}" for source, method in product(sources, methods))]
-    rows = [
-        [
-            model,
-            *(
-                f"{float(model_ratios[key]):.2f}" if key in model_ratios else "-"
-                for key in product(sources, methods)
-            ),
-        ]
-        for model, model_ratios in ratios.items()
-    ]
-    ranges = []
-    for source in sources:
-        values = [float(row["ratio"]) for row in measurements if row["loops"] == source]
-        ranges.append(
-            f"{source}: median {median(values):.2f}, {min(values):.2f} to {max(values):.2f}"
-        )
-    return (
-        "All methods of this page run in loops that are compiled for the laws of the building. "
-        "Methods and laws of plug-ins always run in such loops. If the cache was filled by `tdint "
-        "compile --all`, or tdint was installed from a wheel with compiled loops, built-in methods "
-        "run in loops for all laws. These contain the code of each law and select it for each "
-        "story at run time. The table contains the time of loops for all laws divided by "
-        "the time of loops for the building (`python tests/benchmarks/loops.py`; "
-        f"{'; '.join(ranges)}).\n\n"
-        f"{table(heads, rows)}\n{LOOPS_NOTE}"
-    )
