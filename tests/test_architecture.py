@@ -566,3 +566,32 @@ room."""
 def test_code_lines_per_file_are_limited():
     counts = {path: len(code_lines(parts)) for _, path, parts in trees()}
     assert {path: count for path, count in counts.items() if count > MAX_CODE_LINES} == {}
+
+
+IMPORTERS = {
+    "click": r"cli/.*",
+    "obspy": r"src/tdint/ground_motion/.*",
+    "yaml": r"src/tdint/model/keys/.*",
+    "matplotlib": r"src/tdint/output/figures/.*|.*_figures\.py",
+}
+"""Paths of the modules that import a package at run time, as src/README.md states under Layers."""
+
+
+@pytest.mark.parametrize("package", IMPORTERS)
+def test_packages_are_imported_where_the_page_states_it(package):
+    for_types = {
+        id(part)
+        for _, _, node in nodes(ast.If)
+        if ast.unparse(node.test).endswith("TYPE_CHECKING")
+        for statement in node.body
+        for part in ast.walk(statement)
+    }
+    imports = [(path, node, node.module or "") for _, path, node in nodes(ast.ImportFrom)]
+    imports += [(path, node, a.name) for _, path, node in nodes(ast.Import) for a in node.names]
+    found = {
+        path
+        for path, node, name in imports
+        if name.split(".")[0] == package and id(node) not in for_types
+    }
+    assert found
+    assert [path for path in sorted(found) if not re.fullmatch(IMPORTERS[package], path)] == []

@@ -13,7 +13,6 @@ import pytest
 from click.testing import CliRunner
 
 import readmes
-import tdint
 from csv_rows import rows
 from tdint.assessment.order.order import observed_order, order_problem
 from tdint.assessment.stability.stability import critical_step
@@ -157,15 +156,15 @@ def test_the_study_in_python(checkout):
 
 @pytest.mark.slow
 def test_the_day_of_a_researcher(checkout):
-    """The differences between methods have the stated size, a run in the file equals a single run,
-    and figures are 90 mm wide with TrueType fonts."""
+    """The differences between methods have the stated size, and figures are 90 mm wide with
+    TrueType fonts."""
     folder, run = checkout
     script = readmes.block("day")
     statements = [node for node in ast.walk(ast.parse(script)) if isinstance(node, ast.stmt)]
     assert len(statements) <= 45  # The example must be short.
     script = script.replace("rotated(125)", "rotated(25)")  # fewer spectra, for a faster test
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", script]))
-    spectra, *lines, sweep = output.splitlines()
+    spectra, *lines = output.splitlines()
     assert spectra.startswith("100 spectra") and len(lines) == 15
     differences = {
         tuple(line.split(":")[0].split(", ")): float(re.findall(r"up to ([\d.e-]+) %", line)[0])
@@ -179,45 +178,22 @@ def test_the_day_of_a_researcher(checkout):
             if method == "moment4"
             else 1.0 < difference < 12.0
         )
-    drifts = np.load(folder / "drifts.npy")
-    stiffness, strength = np.random.default_rng(1).lognormal(0.0, 0.2, (30, 2))[-1]
-    office = load_model(folder / "configs" / "ten-story-bilinear.yaml")
-    varied = office.replace(stiffness_factor=stiffness, strength_factor=strength)
-    pair = tdint.read_horizontals(folder / "records" / "near-fault.mseed", units="m/s^2")
-    angle = 0.9 * np.pi
-    samples = np.cos(angle) * pair.first.acceleration + np.sin(angle) * pair.second.acceleration
-    single = tdint.run(varied, tdint.make_record(samples, dt=0.01, units="m/s^2"), history=True)
-    np.testing.assert_allclose(drifts[-1], single.history.drift[::10], rtol=1e-5, atol=1e-8)
-    # Stiffer buildings have smaller drifts.
-    assert -1.0 < float(re.findall(r"stiffness\^(\S+)", sweep)[0]) < -0.2
     for name in ("spectra.pdf", "fragility.pdf"):
         data = (folder / name).read_bytes()
         width = float(re.findall(rb"/MediaBox \[ 0 0 ([\d.]+)", data)[0])
         assert width / 72.0 * 25.4 == pytest.approx(90.0, abs=0.1) and b"/FontFile2" in data
 
 
-def test_matrices_tune_an_absorber_and_design_a_controller_and_an_observer(checkout):
-    """The absorber reduces the peak, the controller adds damping, the observer is stable."""
+def test_transfer_functions_tune_an_absorber(checkout):
     _, run = checkout
-    script = readmes.block("state-space")
+    script = readmes.block("absorber")
     # A third of the evaluations, for a faster test
     method = 'method="Nelder-Mead",'
     assert script.count(method) == 1
     script = script.replace(method, f"{method} options={{'maxfev': 45}},")
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", script]))
-    numbers = [float(number) for number in re.findall(r"\d+\.\d+", output)]
-    before, after, free, controlled, observed = numbers
-    assert after < 0.3 * before and controlled > 2.0 * free and observed > 0.5
-
-
-def test_a_stepper_controls_a_building(checkout):
-    """The control force reduces the displacement; free vibration starts at the end of the run."""
-    _, run = checkout
-    output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("stepper")]))
-    free, controlled = map(float, re.findall(r"displacement (\d+\.\d+) mm", output))
-    assert 5.0 < controlled < 0.8 * free
-    start, end = map(float, re.findall(r"(\d+\.\d+) s", output))
-    assert start >= 10.0 and end == pytest.approx(start + 20.0, abs=0.02)
+    before, after = [float(number) for number in re.findall(r"\d+\.\d+", output)]
+    assert after < 0.3 * before
 
 
 def test_a_regulator_controls_a_building_from_one_sensor(checkout):
