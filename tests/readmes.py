@@ -12,7 +12,6 @@ import argparse
 import ast
 import csv
 import importlib.util
-import inspect
 import math
 import os
 import re
@@ -429,38 +428,16 @@ def _additional_run(model, record, name):
 
 
 def plugin_names():
-    """Return the names of `tdint.plugin` by module, with their first sentences."""
+    """Return the names of `tdint.plugin` by module, with the first sentence of the module."""
     groups = {}
     for name, home in plugin.PLUGIN.items():
         groups.setdefault(home, []).append(name)
-    parts = []
-    for home, names in groups.items():
-        description = _first_sentence(ROOT / "src" / f"{home.replace('.', '/')}.py").rstrip(":")
-        lines = {name: _line_of_name(name) for name in names}
-        bare = ", ".join(f"`{name}`" for name, line in lines.items() if not line)
-        parts += [
-            f"**{description}**" + f": {bare}" * bool(bare),
-            "",
-            *filter(None, lines.values()),
-            "",
-        ]
-    return "\n".join(parts)
-
-
-def _line_of_name(name):
-    """Return a line with a name, its arguments and its first sentence; empty for constants."""
-    thing = getattr(plugin, name)
-    if not (inspect.isfunction(thing) or inspect.isclass(thing)):
-        return ""
-    called = (
-        f"({', '.join(inspect.signature(thing).parameters)})"
-        if not hasattr(thing, "__dataclass_fields__")
-        else ""
-    )
-    text = " ".join(
-        re.split(r"\.\s|\n\n|;\s", inspect.getdoc(thing) or "", maxsplit=1)[0].split()
-    ).rstrip(".")
-    return f"- `{name}{called}`" + f": {text}" * bool(text)
+    lines = [
+        f"- {_first_sentence(ROOT / 'src' / (home.replace('.', '/') + '.py')).rstrip(':')}: "
+        + ", ".join(f"`{name}`" for name in names)
+        for home, names in groups.items()
+    ]
+    return "\n".join([*lines, ""])
 
 
 PARTS = {
