@@ -1,4 +1,4 @@
-"""Measured values and verdicts of the tables in methods/README and methods/EQUATIONS.
+"""Measured values and verdicts of the tables in methods/EQUATIONS.
 
 `ROWS` has one entry for each row of the table, by its first cell. The values are measured on the
 compiled methods; the equations of the paper come from `as_printed`.

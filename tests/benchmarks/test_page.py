@@ -19,6 +19,7 @@ from tdint.assessment.chart.performance_profiles import (
     read_problems,
 )
 from tdint.assessment.chart.work_precision import Point
+from tdint.methods.catalogue import DEFAULT_METHOD
 
 HERE = Path(__file__).parent
 specification = importlib.util.spec_from_file_location("benchmark_page", HERE / "run.py")
@@ -92,8 +93,11 @@ def test_what_is_not_solved_is_counted(errors):
 
 @pytest.mark.long
 def test_the_page_is_written_from_the_stored_points(stored):
-    """The committed page is equal to the page of the CSV files, without a run."""
+    """The committed page is equal to the page of the CSV files, without a run, and the default
+    method is the one that src/tdint/methods/README.md recommends by these points."""
     entries, conditions, chart = stored
+    leading = run.page_tables.leading_methods([chart], 0.0)
+    assert leading[0] == chart.leaders().safest == DEFAULT_METHOD
     shown = [one[:2] for one in run.pictures(chart)]
     assert run.page(entries, len(read_problems(STANDARD)), shown, conditions) == PAGE
 
