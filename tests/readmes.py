@@ -218,17 +218,21 @@ def _first_sentence(path: Path):
 
 def layer_table():
     """Return the table of the layers from top to bottom, as in the import contract, with the first
-    sentences of their modules."""
+    sentences of the packages; the modules at the bottom, which explain themselves, in one row."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
         "contracts"
     ]
-    rows = ["| layer | description |", "|---|---|"]
+    rows, ground = ["| layer | description |", "|---|---|"], []
     layers = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
     for layer in " | ".join(layers).split(" | "):
         name = layer.strip("()").replace(".", "/")
-        path = ROOT / ("src" if name.startswith("tdint/") else "cli") / name
-        module = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-        rows.append(f"| `{name.removeprefix('tdint/')}` | {_first_sentence(module)} |")
+        package = ROOT / ("src" if name.startswith("tdint/") else "cli") / name / "__init__.py"
+        shown = f"`{name.removeprefix('tdint/')}`"
+        if package.is_file():
+            rows.append(f"| {shown} | {_first_sentence(package)} |")
+        else:
+            ground.append(shown)
+    rows.append(f"| {', '.join(ground)} | modules without knowledge of buildings |")
     return "\n".join(rows) + "\n"
 
 

@@ -419,22 +419,17 @@ def failures(chart: FieldChart) -> str:
 
 
 def problems(chart: FieldChart) -> str:
-    """Return a list of the buildings with their purpose, and a table of all problems.
-
-    The table states the uncertainty of each reference solution.
-    """
+    """Return a table of all problems, with the uncertainty of each reference solution."""
     rows = []
     for problem in chart.measured:
         ductility = "-" if math.isnan(problem.ductility) else f"{problem.ductility:.1f}"
         gaps = "/".join(f"{problem.gap.of(name):.0e}" for name in PEAKS)
         changes = str(problem.changes)
         rows.append([problem.name, problem.motion, str(problem.stories), ductility, changes, gaps])
-    purposes = {problem.name: problem.reason for problem in chart.measured}
-    reasons = "\n".join(f"- **{name}**: {reason}." for name, reason in purposes.items())
     heads = [
         "building", "motion", "stories", "ductility", "changes of branch", "reference known to",
     ]  # fmt: skip
-    return f"{reasons}\n\n{table(heads, rows)}"
+    return f"{PROBLEMS}\n{table(heads, rows)}"
 
 
 def chart_of(problem: Measured, chart: FieldChart) -> Chart:
@@ -755,6 +750,10 @@ Number of cases (three quantities, each motion) in which no time step of a metho
 method cannot be applied to the building, for example `exact` to a nonlinear one.
 """  # noqa: E501
 
+PROBLEMS = """\
+The file of [the standard problems](../../src/tdint/assessment/chart/standard_problems.yaml) states why each is included.
+"""  # noqa: E501
+
 MATRIX = """
 Twelve problems with known solutions, on which methods dissipate or generate energy, oscillate or diverge, are on
 [the page of the methods](../../src/tdint/methods/README.md#where-methods-fail):
@@ -764,7 +763,7 @@ Twelve problems with known solutions, on which methods dissipate or generate ene
 
 OWN = """\
 Your own method is a Python file ([how to write it](../../src/tdint/methods/README.md#adding-a-method)), your own problems are
-a YAML file like [the standard problems](../../src/tdint/assessment/chart/standard_problems.yaml):
+a YAML file like that of the standard problems:
 
 ```
 $ tdint chart --problems standard --plugin verlet.py --method verlet,impulse4,newmark-average --plot profile.png
