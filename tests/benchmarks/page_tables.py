@@ -39,8 +39,8 @@ TOLERANCE_NOTE = """\
 Processor time of the whole command `tdint run --tolerance` with `impulse4` (choice of the time step
 and error estimate), divided by the time of the cheapest single run that meets the tolerance: of all
 methods, and of `impulse4`. The user who asks for a tolerance does not know this single run; a run
-and its check with half the time step already cost 3 times the single run. The search controls the
-error of the story drifts. The goal, a median of at most 4 for peak drifts, is not met above .01 %:
+and its error estimate already cost 3 times the single run. The search controls the error of the
+story drifts. The goal, a median of at most 4 for peak drifts, is not met above .01 %:
 the error of a run is confirmed by the next longer step of the search, and the Python code of each
 run counts. A longer first step would double the number of results beyond the tolerance.
 """

@@ -101,7 +101,7 @@ def number(value: float) -> str:
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table."""
     lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+    return "\n".join("|" + "|".join(line) + "|" for line in lines) + "\n"
 
 
 def case_groups() -> dict[str, tuple[Sequence[ValidationCase], bool]]:
