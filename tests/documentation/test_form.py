@@ -119,3 +119,22 @@ def test_commands_of_a_page_have_different_outputs(path):
         for name in re.findall(r"tdint [a-z][^|>#]*? -o ([^\s$]+)(?![^|>#]*--overwrite)", line)
     ]
     assert sorted(outputs) == sorted(set(outputs))
+
+
+@pytest.mark.parametrize("page", ["tests/MEASUREMENTS.md", "src/tdint/methods/EQUATIONS.md"])
+def test_commands_that_check_the_numbers_of_a_page_select_all_tests(page):
+    """Without -m, pytest omits the long and the slow tests of a file."""
+    spans = [
+        " ".join(span.split())
+        for span in re.findall(r"`([^`]+)`", (readmes.ROOT / page).read_text())
+    ]
+    commands = [span for span in spans if "pytest " in span and "tests/" in span]
+    assert commands
+    for command in commands:
+        for name in re.findall(r"tests/[\w/.]+", command):
+            path = readmes.ROOT / name
+            files = path.rglob("test_*.py") if path.is_dir() else [path]
+            marked = any(
+                re.search(r"mark\.(?:long|slow)|\bevery\(", file.read_text()) for file in files
+            )
+            assert " -m " in command or not marked, command
