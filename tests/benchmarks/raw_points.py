@@ -65,12 +65,18 @@ class Conditions:
         Clock, repetitions, processor.
     peers : tuple of Peer
         Other programs.
+    kernels : str
+        Digest of the sources of kernels and methods; empty if it was not stored.
+    commit : str
+        Commit of the measured sources; empty if it was not stored.
     """
 
     versions: str
     system: str
     timing: Timing
     peers: tuple[Peer, ...]
+    kernels: str = ""
+    commit: str = ""
 
 
 def number(value: float | None) -> str:
@@ -138,6 +144,8 @@ def store(entries: Sequence[Entry], conditions: Conditions, directory: Path = HE
     values = {
         "versions": conditions.versions,
         "system": conditions.system,
+        "kernels": conditions.kernels,
+        "commit": conditions.commit,
         "clock": timing.clock,
         "load": number(timing.load),
         "processor": timing.processor,
@@ -174,7 +182,8 @@ def load(directory: Path = HERE) -> tuple[list[Entry], Conditions]:
     )
     programs = [key.removesuffix(" version") for key in values if key.endswith(" version")]
     peers = [Peer(name, *_peer_values(values, name)) for name in programs]
-    return entries, Conditions(values["versions"], values["system"], timing, tuple(peers))
+    sources = (values.get("kernels", ""), values.get("commit", ""))
+    return entries, Conditions(values["versions"], values["system"], timing, tuple(peers), *sources)
 
 
 def _peer_values(values: Mapping[str, str], name: str) -> list[str]:

@@ -20,6 +20,7 @@ import math
 import pickle
 import platform
 import re
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -258,7 +259,21 @@ def conditions_of(entries: Sequence[Entry]) -> Conditions:
     versions = [f"tdint {tdint.__version__}", f"Python {platform.python_version()}"]
     versions += [f"{name} {version(package)}" for name, package in packages.items()]
     chart = complete_chart(entries)
-    return Conditions(", ".join(versions), platform.system(), chart.timing, chart.peers)
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"],
+        cwd=HERE,
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout.strip()
+    return Conditions(
+        ", ".join(versions),
+        platform.system(),
+        chart.timing,
+        chart.peers,
+        digest_of_all(),
+        commit,
+    )
 
 
 def cell(profile: PerformanceProfile | None) -> str:
@@ -681,24 +696,26 @@ def page(
         f"if its count is at least the largest count divided by {page_tables.ALIKE:g}, here or on "
         "[a second machine](#a-second-machine). The method that fails least often: "
         f"`{leaders.safest}`.\n\n"
-        f"Measured with {machine(entries, chart, conditions)}.{_age(entries)}\n\n"
+        f"Measured with {machine(entries, chart, conditions)}.{_age(conditions)}\n\n"
         f"{contents}\n\n{body}"
     )
 
 
-PRESENT_LOOPS = "2026-11-29"
-"""Day of the present forms of the compiled time loops; earlier times are marked on the page."""
-
-
-def _age(entries: Sequence[Entry]) -> str:
-    """Return a sentence if the times were measured with former time loops."""
-    if max(entry.day for entry in entries) >= PRESENT_LOOPS:
+def _age(conditions: Conditions) -> str:
+    """Return a sentence if kernels or methods have changed since the measurement."""
+    if conditions.kernels == digest_of_all():
         return ""
     return (
-        f" **The times are those of compiled time loops that were replaced on {PRESENT_LOOPS}; all "
-        "verdicts by time belong to those loops.** Of 2907 errors computed again on 2026-11-30 "
-        "(near-fault, steps of a sample and more), 13 had changed by more than 2 %."
+        f" **Kernels and methods have changed since {conditions.commit or 'this measurement'}: all "
+        f"verdicts by time belong to the former time loops.**{'' if conditions.kernels else ERRORS}"
     )
+
+
+ERRORS = (
+    " Of 2907 errors computed again on 2026-11-30 (near-fault, steps of a sample and more), 13 had "
+    "changed by more than 2 %."
+)
+"""Check of the errors of the measurement without a stored digest."""
 
 
 def anchor(title: str) -> str:

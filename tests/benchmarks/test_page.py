@@ -166,6 +166,16 @@ def test_stored_points_are_read_as_they_were(tmp_path):
     assert run.raw_points.problem_row(read) == run.raw_points.problem_row(entry)
     assert reason and (read.day, read.load, read.seconds) == ("2026-01-01", 0.5, 1.0)
     assert conditions.versions == run.conditions_of([entry]).versions
+    assert conditions.kernels == run.digest_of_all()
+
+
+def test_times_of_former_kernels_are_marked():
+    """The sentence is on the page if the kernels are not those of the measurement."""
+    measured = run.conditions_of([run.Entry(made_up(), "2026-01-01", 0.5, 1.0)])
+    assert run._age(measured) == ""
+    former = replace(measured, kernels="0" * 12, commit="abc1234")
+    assert "have changed since abc1234" in run._age(former)
+    assert "have changed since this measurement" in run._age(replace(former, kernels="", commit=""))
 
 
 def test_table_of_wind_is_that_of_its_program():
