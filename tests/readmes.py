@@ -19,9 +19,12 @@ import subprocess
 import sys
 import tomllib
 from contextlib import contextmanager
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import reference_tables
 from tdint import assessment, make_record, plugin, prepare, studies
 from tdint.assessment import tables as examples
 from tdint.assessment.failures.failures import HardProblem, problems
@@ -138,7 +141,7 @@ def _range(parameter: LawParameter):
 
 
 def _key(law: DriftLaw, parameter: LawParameter):
-    """Return the text on the key of a parameter of a law, or of its group."""
+    """Return the key of a parameter of a law, or of its group, and the text on it."""
     if parameter.group:
         members = ", ".join(
             f"`{member.name}`" for member in law.parameters if member.group == parameter.group
@@ -147,18 +150,18 @@ def _key(law: DriftLaw, parameter: LawParameter):
         about = (
             (f"a number ({_dimension(parameter)}) for all of " if parameter.shared else "")
             + members
-            + ("" if needed else "; may be left out")
+            + ("" if needed else "; optional")
         )
-        return f"`{parameter.group}` ({about})"
+        return f"`{parameter.group}`", about
     default = (
         ""
         if parameter.default is None or parameter.points
-        else f"that of `{parameter.default}` where left out"
+        else f"default `{parameter.default}`"
         if isinstance(parameter.default, str)
-        else f"{parameter.default:g} where left out"
+        else f"default {parameter.default:g}"
     )
     about = ", ".join(filter(None, (_dimension(parameter), _range(parameter), default)))
-    return f"`{parameter.name}`" + f" ({about})" * bool(about)
+    return f"`{parameter.name}`", about
 
 
 def law_table():
@@ -166,14 +169,18 @@ def law_table():
     rows = ["| law | restoring force | keys |", "|---|---|---|"]
     for law in LAWS.values():
         keys = dict.fromkeys(_key(law, parameter) for parameter in law.parameters)
+        joined = [
+            ", ".join(name for name, _ in same) + f" ({about})" * bool(about)
+            for about, same in groupby(keys, key=itemgetter(1))
+        ]
         formula = law.formula.replace("|", "\\|")
-        rows.append(f"| `{law.name}` | {formula} | {', '.join(keys)} |")
+        rows.append(f"| `{law.name}` | {formula} | {', '.join(joined)} |")
     return "\n".join(rows) + "\n"
 
 
 def model_table():
-    """Return the models of configs with the first sentence of their comments."""
-    rows = ["| model | description |", "|---|---|"]
+    """Return a list of the models of configs with the first clause of their comments."""
+    rows = []
     for path in sorted((ROOT / "configs").glob("*.yaml")):
         comment = "\n".join(
             line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines()
@@ -182,8 +189,8 @@ def model_table():
         assert re.search(r"^Shows: ", remainder, re.MULTILINE), (
             f"{path.name} does not say what it shows"
         )
-        text = " ".join(text.split()).rstrip(".:").replace("|", "\\|")
-        rows.append(f"| [`{path.stem}`]({path.name}) | {text} |")
+        text = re.split(r"[:;]|\. ", " ".join(text.split()), maxsplit=1)[0].rstrip(".")
+        rows.append(f"- [`{path.stem}`]({path.name}): {text}")
     return "\n".join(rows) + "\n"
 
 
@@ -446,9 +453,9 @@ def plugin_names():
 
 PARTS = {
     "columns": column_tables, "commands": command_list, "estimates": estimate_table,
-    "layers": layer_table, "laws": law_table,
+    "features": reference_tables.feature_table, "layers": layer_table, "laws": law_table,
     "methods": method_table, "models": model_table, "plugin": plugin_names,
-    "problems": problem_table,
+    "problems": problem_table, "units": reference_tables.unit_table,
 }  # fmt: skip
 """What each generated part is made by; a part stands in one file."""
 

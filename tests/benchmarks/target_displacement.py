@@ -4,7 +4,7 @@
 
 The response to eleven artificial ground motions, which are matched to the target spectrum, gives
 the median and the fractiles of the peak roof displacement. They are printed with the target
-displacement of `tdint pushover --target`. The results are listed in configs/README.md.
+displacement of `tdint pushover --target`. The results are listed in configs/RUNS.md.
 """
 
 import sys

@@ -319,10 +319,10 @@ def test_each_model_of_the_page_runs_as_it_stands(checkout):
     """A model without an excitation is checked."""
     folder, _ = checkout
     (folder / "models").mkdir()
-    page = (readmes.ROOT / "configs" / "README.md").read_text("utf-8")
-    models = [text for text in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if
-        re.search("^stories:", text, re.MULTILINE)]  # fmt: skip
-    assert len(models) >= 7 and any("attachments:" in text for text in models)
+    pages = [path.read_text("utf-8") for path in (readmes.ROOT / "configs").glob("*.md")]
+    models = [text for text in re.findall(r"```yaml\n(.*?)```", "\n".join(pages), re.DOTALL) if
+        re.search("^(?:stories|matrices|building):", text, re.MULTILINE)]  # fmt: skip
+    assert len(models) >= 16 and any("attachments:" in text for text in models)
     for text in models:
         path = folder / "models" / "model.yaml"
         path.write_text(text)

@@ -159,7 +159,7 @@ def table(text):
 def test_method_and_law_pass_the_tests_of_the_catalogue(extended, without_law):
     folder, _ = extended
     assert "| `newmark-step` |" in (folder / "src/tdint/methods/README.md").read_text()
-    assert "| `hyperbolic` |" in (folder / "configs/README.md").read_text()
+    assert "| `hyperbolic` |" in (folder / "configs/LAWS.md").read_text()
     files = [
         str(path.relative_to(folder))
         for path in sorted((folder / "tests").rglob("test_*.py"))
