@@ -369,22 +369,10 @@ def further_columns():
 
 
 def column_tables():
-    """Return a section with the columns of each table; a dimensionless number and text have no
-    unit. Equal tables refer to the first one."""
-    sections, groups = [], {}
-    for name, group in (columns() | further_columns()).items():
-        rows = tuple(
-            f"| `{column.name}` | {'' if column.unit in ('1', 'text') else column.unit} "
-            f"| {column.meaning.replace('|', chr(92) + '|')} |"
-            for column in group
-        )
-        if same := groups.get(rows):
-            table = f"The columns are those of {same}."
-        else:
-            table = "\n".join(["| column | unit | meaning |", "|---|---|---|", *rows])
-        groups.setdefault(rows, name)
-        sections.append(f"## {name}\n\n{table}\n")
-    return "\n".join(sections)
+    """Return a section with the columns of each table; a column that an earlier table has in the
+    same meaning is only named."""
+    groups = columns() | further_columns()
+    return reference_tables.column_pages(groups)
 
 
 _YIELDING = {"type": "bilinear", "yield_force": 1e4, "hardening": 0.05}

@@ -8,7 +8,7 @@ from tdint.response.runs.compiled_steps import unsupported_reason
 
 
 def unit_table():
-    """Return the table of the units of model files and records, from the tables of `tdint.units`."""
+    """Return the table of the units of models and records, from the tables of `tdint.units`."""
     rows = {
         "length": units.LENGTH,
         "force": units.FORCE,
@@ -118,3 +118,47 @@ def feature_table():
         assert all(found == first for found in others), feature
         lines.append(f"| {feature} | {_method_names(first, family)} |")
     return "\n".join(lines) + "\n"
+
+
+# ---- Columns
+
+ERROR = "_error"
+
+
+def is_estimate(column):
+    """Return True for a column with the estimated error of another column."""
+    name = column.name.removesuffix(ERROR)
+    return column.name != name and column.meaning == f"estimated absolute error of {name}"
+
+
+def column_pages(groups):
+    """Return a section for each group of columns: a list of the columns with a meaning that no
+    earlier group has, the names of the others, and the names of columns with estimated errors."""
+    sections, first = [], {}
+    for title, group in groups.items():
+        own, named = [], {}
+        for column in group:
+            if is_estimate(column):
+                continue
+            home = first.setdefault((column.name, column.unit, column.meaning), title)
+            if home == title:
+                own.append(column)
+            else:
+                named.setdefault(home, []).append(column.name)
+        parts = [f"## {title}"]
+        if own:
+            parts.append("\n".join(map(_entry, own)))
+        parts += [f"As in **{home}**: {_names(names)}." for home, names in named.items()]
+        if estimates := [one.name.removesuffix(ERROR) for one in group if is_estimate(one)]:
+            parts.append(f"Estimated errors of {_names(estimates)}.")
+        sections.append("\n\n".join(parts) + "\n")
+    return "\n".join(sections)
+
+
+def _entry(column):
+    unit = "" if column.unit in ("1", "text") else f" ({column.unit})"
+    return f"- `{column.name}`{unit}: {column.meaning}"
+
+
+def _names(names):
+    return ", ".join(f"`{name}`" for name in names)

@@ -93,17 +93,65 @@ def test_every_list_is_compared():
     assert list(readmes.columns()) == list(COMMANDS)
 
 
+PAGE = (readmes.ROOT / "cli/COLUMNS.md").read_text()
+
+
+def columns_of_page(page):
+    """Return the columns of each section of the page, with unit and meaning: the entries of its
+    list, the columns that it names from other sections, and the columns of estimated errors."""
+    sections = {}
+    for text in page.split("\n## ")[1:]:
+        title, _, body = text.partition("\n")
+        found = sections[title] = {}
+        for name, unit, meaning in re.findall(r"^- `(\w+)`(?: \((.*?)\))?: (.*)$", body, re.M):
+            found[name] = (unit, meaning)
+        for home, names in re.findall(r"^As in \*\*(.*?)\*\*: (.*)\.$", body, re.M):
+            found |= {name: sections[home][name] for name in re.findall(r"`(\w+)`", names)}
+        for names in re.findall(r"^Estimated errors of (.*)\.$", body, re.M):
+            for name in re.findall(r"`(\w+)`", names):
+                found[f"{name}_error"] = (found[name][0], f"estimated absolute error of {name}")
+    return sections
+
+
+def test_every_column_of_every_table_is_on_the_page():
+    """The section of a table has all of its columns, with unit and meaning."""
+    page = columns_of_page(PAGE)
+    declared = readmes.columns() | readmes.further_columns()
+    assert list(page) == list(declared)
+    for table, group in declared.items():
+        assert page[table].keys() == {column.name for column in group}, table
+        for column in group:
+            unit = "" if column.unit in ("1", "text") else column.unit
+            same = {one.meaning for one in group if one.name == column.name}
+            assert page[table][column.name] in {(unit, meaning) for meaning in same}, column
+
+
 def test_every_declared_column_is_on_the_page():
-    """A column of `columns.csv` has its unit and meaning on the page of columns, also if it depends
-    on options and inputs."""
-    page = (readmes.ROOT / "cli/COLUMNS.md").read_text()
+    """A column of `columns.csv` is on the page, also if it depends on options and inputs."""
+    names = {name for section in columns_of_page(PAGE).values() for name in section}
     for folder in ("src/tdint/studies", "src/tdint/output/tables"):
         text = (readmes.ROOT / folder / "columns.csv").read_text()
-        names = {row["name"] for row in csv.DictReader(io.StringIO(text))}
-        assert len(names) > 50
-        missing = {name for name in names if f"| `{name}` |" not in page and "{" not in name}
-        assert missing == set()
-    assert "expected annual loss ratio of the building type" in page  # a second `annual_loss`
+        declared = {row["name"] for row in csv.DictReader(io.StringIO(text))}
+        assert len(declared) > 50
+        assert {name for name in declared - names if "{" not in name} == set()
+    assert "expected annual loss ratio of the building type" in PAGE  # a second `annual_loss`
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "- `peak_shear_N`",  # an entry
+        "As in **tdint run**: `story`",  # a name of another table
+        "Estimated errors of",
+        " (m/s^2)",  # a unit
+    ],
+)
+def test_a_missing_column_is_detected(line, monkeypatch):
+    start = PAGE.index(line)
+    end = start + len(line) if line.startswith(" ") else PAGE.index("\n", start)
+    monkeypatch.setitem(globals(), "PAGE", PAGE[:start] + PAGE[end:])
+    with pytest.raises((AssertionError, KeyError)):
+        test_every_column_of_every_table_is_on_the_page()
 
 
 @functools.cache
