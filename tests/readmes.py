@@ -442,7 +442,8 @@ def plugin_names():
 PARTS = {
     "columns": column_tables, "commands": command_list, "estimates": estimate_table,
     "features": reference_tables.feature_table, "layers": layer_table, "laws": law_table,
-    "methods": method_table, "models": model_table, "plugin": plugin_names,
+    "methods": method_table, "models": model_table, "outputs": reference_tables.output_table,
+    "plugin": plugin_names,
     "problems": problem_table, "units": reference_tables.unit_table,
 }  # fmt: skip
 """What each generated part is made by; a part stands in one file."""

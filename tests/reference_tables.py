@@ -3,6 +3,12 @@
 from tdint import make_record, prepare, units
 from tdint.methods.catalogue import catalogue, parse
 from tdint.response.runs.compiled_steps import unsupported_reason
+from tdint.studies.ida.ida import STORE
+from tdint.studies.store.result_store import FILE
+from tdint_cli.commands import run_request as run
+from tdint_cli.options import spectra
+from tdint_cli.studies import campaign_files as campaign
+from tdint_cli.studies import compare, ida, match
 
 # ---- Units
 
@@ -117,6 +123,52 @@ def feature_table():
         first, *others = map(supporting_methods, models)
         assert all(found == first for found in others), feature
         lines.append(f"| {feature} | {_method_names(first, family)} |")
+    return "\n".join(lines) + "\n"
+
+
+# ---- Files by command
+
+OUTPUTS = {
+    "run": {
+        "": (run.STORIES, run.SUMMARY),
+        "by the model": (
+            *(run.RESULTANTS, run.ELEMENTS, run.ATTACHMENTS, run.LINKS, run.CONTACTS, run.ROWS),
+        ),
+        "`--history`": (run.HISTORY,),
+        "`--plot`": (run.PICTURE,),
+        "`--floor-spectra`": (spectra.SPECTRA, spectra.SPECTRA_PICTURE),
+        "`--export-floors`": (spectra.MOTIONS,),
+    },
+    "campaign": {
+        "": (campaign.RUNS, campaign.PROFILES, campaign.SUMMARY, FILE),
+        "by the models and options": tuple(
+            name
+            for name in campaign._WRITTEN_FILES
+            if name not in (campaign.RUNS, campaign.PROFILES, campaign.SUMMARY)
+        ),
+    },
+    "ida": {
+        "": (ida.RUNS, ida.CAPACITIES, ida.FRACTILES, ida.SUMMARY, STORE),
+        "`--p695`": (ida.MARGIN,),
+    },
+    "match": {
+        "": (match.MATCHED, match.MATCHED.replace(".csv", ".json")),
+        "`--plot`": (match.PICTURE,),
+    },
+    "compare": {"": (compare.TABLE, compare.SPECTRA, compare.SUMMARY)},
+}
+"""Files that a command writes to the directory of `-o`, with the condition."""
+
+
+def output_table():
+    """Return the table of the files that commands write to the directory of `-o`."""
+    lines = ["| command | files |", "|---|---|"]
+    for command, files in OUTPUTS.items():
+        parts = [
+            (f"{condition}: " if condition else "") + _names(names)
+            for condition, names in files.items()
+        ]
+        lines.append(f"| `{command}` | {'; '.join(parts)} |")
     return "\n".join(lines) + "\n"
 
 
