@@ -450,11 +450,11 @@ def test_all_routes_agree(values):
 
 
 def test_each_notion_of_this_file_in_the_table_has_routes(values):
-    """The table of notions names the test of each notion."""
+    """Notions without another test in the table have routes here."""
     listed = {
         row[0]
         for line in NOTIONS.read_text().splitlines()
-        if line.startswith("| ") and HERE in line
+        if line.startswith("| ") and line.endswith("| |")
         for row in [[cell.strip() for cell in line.strip("|").split("|")]]
     }
     found = {notion for notion, _ in values.values}
