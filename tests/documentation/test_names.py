@@ -1,12 +1,16 @@
 """Names in backquotes exist: in docstrings and comments of the package, and on pages."""
 
+import json
 import re
 import tokenize
 from functools import cache
 
+import click
 import pytest
+from click.testing import CliRunner
 
 import readmes
+from tdint_cli.main import COMMANDS, cli
 
 NAME = re.compile(r"(?<!`)`(_?[A-Za-z][\w.]*?)(?:\(\))?`(?!`)")
 """A name that looks like a name of Python: an identifier, or identifiers joined by dots."""
@@ -100,6 +104,40 @@ def test_names_on_pages_exist():
         if path.name != "COLUMNS.md" and (names := unknown(text, words)):
             missing[str(path.relative_to(readmes.ROOT))] = names
     assert missing == {}
+
+
+def keys(schema):
+    """Yield the keys of all mappings of a JSON schema."""
+    if isinstance(schema, dict):
+        yield from schema.get("properties", {})
+    parts = schema.values() if isinstance(schema, dict) else schema
+    for part in parts if isinstance(schema, dict | list) else ():
+        yield from keys(part)
+
+
+@pytest.mark.long
+def test_keys_of_models_and_options_are_on_pages():
+    """Each key of a model file is on the pages of models or of damage states; each option of a
+    command is on some page."""
+    texts = {path: path.read_text(encoding="utf-8") for path in readmes.files()}
+    described = "\n".join(
+        text for path, text in texts.items() if path.parent.name in ("configs", "studies")
+    )
+    schema = json.loads(CliRunner().invoke(cli, ["check", "--schema", "model"]).output)
+    found = set(re.findall(r"[\w-]+", described))
+    assert len(set(keys(schema))) > 150
+    assert set(keys(schema)) - found <= {"peak_absolute_acceleration"}  # another name of a limit
+    named = set(re.findall(r"--[a-z][\w-]*", "\n".join(texts.values())))
+    missing = {
+        (command, option.opts[0])
+        for command in COMMANDS
+        for option in cli.get_command(click.Context(cli), command).params
+        if isinstance(option, click.Option) and not option.hidden
+        and named.isdisjoint([*option.opts, *option.secondary_opts])
+    }  # fmt: skip
+    assert missing <= {
+        ("fragility", "--edp-range"), ("overshoot", "--steps"), ("order", "--stride")
+    }  # fmt: skip
 
 
 def test_unknown_name_is_found():
