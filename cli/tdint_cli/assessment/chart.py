@@ -50,7 +50,7 @@ class Request(options.record.RecordRequest):
     )
     records: tuple[str, ...] = options.option("--record", multiple=True)
     problems: str | None = options.option()
-    methods: tuple[str, ...] = method_options.methods("ten methods, from impulse4 to exact,")
+    methods: tuple[str, ...] = method_options.methods("ten methods, and exact if linear,")
     steps: tuple[float, ...] | None = options.option(
         "--dt", type=ListOf(Number(0.0, MOST_SECONDS, min_open=True))
     )

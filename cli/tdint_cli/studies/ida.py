@@ -111,8 +111,8 @@ class IdaRequest(RecordsRequest):
 def command(request: IdaRequest) -> None:
     """Run incremental dynamic analyses: story drift over intensity, up to collapse.
 
-    MODEL.yaml is a model file. RECORD is a file, or a directory (all records in it). Every
-    horizontal component is a separate ground motion unless --component selects one.
+    MODEL.yaml is a model file. RECORD is a file, or a directory (all records in it). The two
+    horizontal components of a recording are one ground motion (--pair-demand).
 
     Each ground motion is scaled up in steps of 1.5 until the building collapses. The collapse
     capacity is then bracketed to --precision, and levels are added wherever the drift changes by
