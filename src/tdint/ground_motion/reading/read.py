@@ -236,8 +236,8 @@ def read_record(
     source : str or Path
         File name, or `-` for standard input. The format is detected from the content.
     units : str or dict, optional
-        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, mg, %g, in/s^2 or ft/s^2. With a factor,
-        the value of a count (`2.38e-6 m/s^2`). Required if the format and the file do not state the
+        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, mg, %g, in/s^2 or ft/s^2. With a
+        factor, the value of a count (`2.38e-6 m/s^2`). Required if the format and the file do not state the
         units. Only floating-point MiniSEED of an accelerometer channel is assumed to be in
         m/s^2, with a warning, unless its numbers make this unlikely. Units of a velocity or a
         displacement (`cm/s`, `cm`) specify that the samples are this quantity; the acceleration is
