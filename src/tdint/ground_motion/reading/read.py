@@ -237,9 +237,9 @@ def read_record(
         File name, or `-` for standard input. The format is detected from the content.
     units : str or dict, optional
         Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, mg, %g, in/s^2 or ft/s^2. With a
-        factor, the value of a count (`2.38e-6 m/s^2`). Required if the format and the file do not state the
-        units. Only floating-point MiniSEED of an accelerometer channel is assumed to be in
-        m/s^2, with a warning, unless its numbers make this unlikely. Units of a velocity or a
+        factor, the value of a count (`2.38e-6 m/s^2`). Required if the format and the file do not
+        state the units. Only floating-point MiniSEED of an accelerometer channel is assumed to be
+        in m/s^2, with a warning, unless its numbers make this unlikely. Units of a velocity or a
         displacement (`cm/s`, `cm`) specify that the samples are this quantity; the acceleration is
         that of a cubic spline. Units by file: `{"AT2": "g", "*.mseed": "m/s^2"}`, where each key is
         a format or the end of a path (or the text `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with
