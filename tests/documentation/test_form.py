@@ -92,6 +92,24 @@ def test_the_first_page_links_to_every_other(path):
     assert f"]({relative_path(path)}" in readmes.README.read_text()
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "| `bouc-wen` |",  # list of laws
+        "buildings: {models:",  # example campaign
+        "Open an issue",  # where to ask
+        "`kip*s^2/in`",  # units of mass
+        "pip install git+",  # installation without a clone
+    ],
+)
+def test_tasks_of_a_newcomer_are_one_link_from_the_first_page(text):
+    first = readmes.README.read_text()
+    targets = {target.partition("#")[0] for target in re.findall(r"\]\(([^)\s:]+)\)", first)}
+    linked = [readmes.ROOT / target for target in targets if target.endswith(".md")]
+    assert any(text in page.read_text() for page in (readmes.README, *linked))
+    assert text not in (readmes.ROOT / "tests/fuzz/README.md").read_text()
+
+
 @pytest.mark.parametrize("path", readmes.files(), ids=relative_path)
 def test_named_files_directories_and_modules_exist(path):
     text = path.read_text()

@@ -16,7 +16,7 @@ NAME = re.compile(r"(?<!`)`(_?[A-Za-z][\w.]*?)(?:\(\))?`(?!`)")
 """A name that looks like a name of Python: an identifier, or identifiers joined by dots."""
 
 ELSEWHERE = {
-    "GAL": "StationXML", "t_ms": "column of a user",
+    "GAL": "StationXML", "device_drift": "key of histories", "t_ms": "column of a user",
     "AccSignal": "eqsig", "RSN1_MINE_090.AT2": "file of a user", "_c": "suffix of names",
     "_kipin": "suffix of columns", "asset_hazard_distance": "OpenQuake",
     "calc_spec_accels": "pyrotd", "cluster.scheduler_address": "Dask",
