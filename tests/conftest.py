@@ -82,12 +82,13 @@ def laid_out() -> None:
 
 @pytest.fixture
 def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw figures small and without layout, which takes a third of the time.
+    """Draw figures small and without layout and places of legends, which take most of the time.
     tests/output/test_plotting.py tests the layout of all types of figures."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     import legible
+    from tdint.output.figures import style
 
     savefig = Figure.savefig
 
@@ -101,6 +102,7 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
     if "laid_out" not in request.fixturenames:
         monkeypatch.setattr(Figure, "savefig", save)
         monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda engine, figure: None)
+        monkeypatch.setattr(style, "_place_legends", lambda figure, max_height: None)
 
 
 @pytest.fixture

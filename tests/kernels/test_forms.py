@@ -121,7 +121,13 @@ def assert_equal(found, expected, form):
         )
 
 
-def compare_forms(model, method, expected_way="interpreted"):
+EXPECTED = "interpreted" if "own" in FORMS else "first run"
+"""Way with which the forms are compared. The compiled loops are compared with the first run, which
+is interpreted, too. The interpreted loops with arrays take half of the time of all ways, and
+`test_arrays` compares them for each method."""
+
+
+def compare_forms(model, method, expected_way=EXPECTED):
     """Compare all forms of a run with the interpreted loops."""
     expected = results(model, method, expected_way)
     assert expected["stories.peak_drift"].min() > 0.0
@@ -155,15 +161,15 @@ FEATURES = [*SINGLE, *every(2, PAIRS), *every(10_000, [SINGLE[0], *OTHERS])[1:]]
 tests are the other methods of a pair."""
 
 
-OF_PAIRS = "interpreted" if "own" in FORMS else "first run"
-"""Way with which pairs of features are compared. The compiled loops are compared with the first
-run, which is interpreted, too. The interpreted loops with arrays take half of the time of all ways,
-and `test_features` and `test_laws` compare them for each feature and law by itself."""
-
-
 @pytest.mark.parametrize(("features", "method"), FEATURES, ids=str)
 def test_features(features, method):
-    compare_forms(building(features), method, "interpreted" if len(features) == 1 else OF_PAIRS)
+    compare_forms(building(features), method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_arrays(method):
+    for model in (two_stories(None, "bilinear"), building(("attachments",))):
+        compare_forms(model, method, "interpreted")
 
 
 @pytest.mark.parametrize(
@@ -175,7 +181,7 @@ def test_contact_of_hertz(restitution, method):
     del law["dashpot"]
     law.update(type="hertz", restitution=restitution)
     law["stop_stiffness"] /= law["gap"] ** 0.5
-    compare_forms(model, method, OF_PAIRS)
+    compare_forms(model, method)
 
 
 @pytest.mark.parametrize(

@@ -335,6 +335,7 @@ def test_differences_of_spectra_have_a_line_at_zero():
     assert any(np.allclose(level, 100.0 * (1.0 / 0.98 - 1.0)) for level in levels)
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_a_legend_of_long_names_is_within_its_figure():
     named = (
         "base-isolated five-story building",
