@@ -14,6 +14,8 @@ import platformdirs
 import pytest
 from hypothesis import settings
 
+import selection
+
 # Container images often forbid bytecode files to stay small. Without these files, each process that
 # a test starts would parse the package again, and pytest would rewrite all assertions again.
 sys.dont_write_bytecode = False
@@ -114,6 +116,16 @@ def short_matching(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(matching, "_FIRST_PERIODS", 30)
     monkeypatch.setattr(matching, "_STAGES", 0)
     monkeypatch.setattr(matching, "_MAX_ROUNDS", (3,))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Know the selection of the tests before their files are imported."""
+    selection.select_fast(config)
+
+
+def pytest_pycollect_makeitem(collector: Any, obj: Any) -> list[Any] | None:
+    """Create no items of slow and long tests that are not selected."""
+    return [] if selection.is_omitted(obj, collector.obj) else None
 
 
 def pytest_collection_finish() -> None:

@@ -125,9 +125,7 @@ PAIR = Horizontals(record(0), record(1))
                 ),
                 ["11 pairs", "90 % of the target", "\nmean\n", "by ASCE 7"],
             ),
-        ],
-    ),
-    ids=["value", "average", "pair", "target", "p695", "asce7"],
+        ], ids=["value", "average", "pair", "target", "p695", "asce7"]),
 )  # fmt: skip
 def test_suites(scaling, expected):
     text = figure_texts(suite_picture(scaling))
@@ -167,8 +165,8 @@ CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
             (fit_cloud(*CLOUD), ["slope", "probability of exceedance", "4 runs"]),
             (fit_cloud(*CLOUD, [False] * 3 + [True]), ["above the limit", "1 censored"]),
         ],
+        ids=["two", "censored", "many", "cloud", "censored-cloud"],
     ),
-    ids=["two", "censored", "many", "cloud", "censored-cloud"],
 )
 def test_fragility_functions(functions, expected):
     text = figure_texts(fragility_picture(functions))

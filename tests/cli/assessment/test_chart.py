@@ -185,8 +185,8 @@ def test_lines_by_tolerance(folder, tdint):
             (("--versus", "solves"), ["solves", version_of_sources()[0]]),
             (("--versus", "steps"), [">time steps<", "steps against accuracy"]),
         ],
+        ids=["time", "dt", "solves", "steps"],
     ),
-    ids=["time", "dt", "solves", "steps"],
 )
 def test_figure_texts_name_the_plotted_quantities(folder, tdint, options, texts):
     tdint("chart", "shaken.yaml", *QUICK, "--duration", "1", *options, "--plot", "x.svg", code=0)

@@ -43,8 +43,11 @@ def each_direction(motion, periods, damping=0.05, **choices):
 
 @pytest.mark.parametrize(
     "choices",
-    every(2, [{}, {"maxima": "peer"}, {"maxima": "samples"}, {"interpolation": "band-limited"}]),
-    ids=["exact", "peer", "samples", "band-limited"],
+    every(
+        2,
+        [{}, {"maxima": "peer"}, {"maxima": "samples"}, {"interpolation": "band-limited"}],
+        ids=["exact", "peer", "samples", "band-limited"],
+    ),
 )
 def test_percentiles_agree_with_rotated_motions(choices):
     motion = pair(samples=151) if "interpolation" in choices else pair()
