@@ -153,7 +153,7 @@ class TestOtherText:
             ("0.2 2 3\n0.1 3 4\n", "3 values per line"),
             ("0.1\n", "only one row"),
             ("1,,2\n2,,3\n", "cell is empty"),
-            ("1 2\n2 3\n3 4 5\n", "different numbers of values"),
+            ("1 2\n2 3\n3 4 5\n", "from line 1 have different numbers of values, 2 to 3;"),
             ("3 1\n2 1\n1 1\n", "2 values per line"),
             ("mass: 5\n1\n2\n", "sampling interval .* required"),
             ("nan\nnan\n", "unknown format"),

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tdint.errors import UsageError
+from tdint.output.page import page_units
 from tdint.output.summary import in_units
 from tdint.units import (
     ACCELERATION,
@@ -116,3 +117,8 @@ def test_a_summary() -> None:
 def test_invalid_units_are_refused(text: str, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         parse_output_units(text)
+
+
+def test_pages_are_in_kilonewtons_unless_a_unit_was_selected():
+    assert page_units(SI).force == "kN"
+    assert page_units(US).force == "kip" and page_units(US).length == "in"

@@ -150,6 +150,20 @@ def test_mass_factor_is_1_for_long_periods(tmp_path):
     assert (full.site_class, full.site_factor, full.mass_factor) == ("C", 90.0, 1.0)
 
 
+def test_base_shear_at_the_target_is_the_base_shear_of_the_curve():
+    """With P-delta it exceeds the applied force."""
+    building = model(
+        [story(3e5, 4e7, Law("bilinear", (8e5, 0.05)), height=3.0) for _ in range(3)], p_delta=True
+    )
+    curve = pushover(building, "300mm", points=POINTS)
+    for target in target_displacements(curve, EC8):
+        at_target = [target.roof_displacement], curve.roof_displacement
+        assert target.base_shear == pytest.approx(
+            np.interp(*at_target, curve.base_shear)[0], rel=1e-4
+        )
+        assert target.base_shear > 1.001 * target.applied_force
+
+
 def test_elastic_building_has_elastic_target_displacement():
     """Both methods give Gamma S_d(T1), because the curve is a straight line with the shape of the
     first mode for any pattern."""
