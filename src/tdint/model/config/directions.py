@@ -17,7 +17,7 @@ from tdint.model.story_laws import LAWS
 
 DIRECTIONS = ("x", "y")
 
-OF_STORY = (
+OF_SPRINGS = (
     "stiffness",
     "period",
     "law",
@@ -27,9 +27,10 @@ OF_STORY = (
     "rayleigh",
     "p_delta",
     "inertance",
-    "flexural",
-    "rotary_inertia",
 )
+"""Keys of stories that need a spring of the story."""
+
+OF_STORY = (*OF_SPRINGS, "flexural", "rotary_inertia")
 """Keys of stories that a direction can have."""
 OF_FILE = ("damping", "p_delta", "attachments", "links", "stiffness_matrix", "base", "initial")
 """Keys of the file that a direction can have."""

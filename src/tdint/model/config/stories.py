@@ -14,7 +14,7 @@ from typing import NamedTuple
 from tdint.kernels.laws import OTHER_NAMES, UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model import story_laws
-from tdint.model.config.directions import OF_STORY, with_directions
+from tdint.model.config.directions import OF_SPRINGS, OF_STORY, with_directions
 from tdint.model.config.keys import keys
 from tdint.model.config.sections import ModelUnits, read_inertia
 from tdint.model.keys.fields import (
@@ -571,25 +571,11 @@ def _read_story(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
     )
 
 
-_OF_SPRINGS = (
-    "stiffness",
-    "period",
-    "law",
-    "elements",
-    "dashpot",
-    "isolator",
-    "rayleigh",
-    "p_delta",
-    "inertance",
-)
-"""Keys of stories that need a spring of the story."""
-
-
 def _read_story_without_spring(section: Section, unit: ModelUnits, p_delta: bool) -> Story:
     """Return the story of an entry with stiffness `flexural` or in a matrix."""
     section.refuse(
-        _OF_SPRINGS,
-        f"`flexural` and `stiffness_matrix` are linear and replace {', '.join(_OF_SPRINGS)} of "
+        OF_SPRINGS,
+        f"`flexural` and `stiffness_matrix` are linear and replace {', '.join(OF_SPRINGS)} of "
         "stories; omit it",
     )
     if p_delta:
