@@ -11,6 +11,7 @@ from facts import states
 from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.kernels.laws.law import LawParameter
+from tdint.model.building import assemble
 from tdint.model.config.sections import ModelUnits
 from tdint.model.config.stories import read_law
 from tdint.model.definition import Model
@@ -343,3 +344,14 @@ def test_each_parameter_is_read_from_its_own_key(name: str) -> None:
     faults = Faults("model.yaml")
     found, _ = read_law(Value(nodes_of(mapping, faults), "law", faults), SI)
     assert found.parameters == pytest.approx(expected, rel=1e-14)
+
+
+def test_the_limit_of_resistance_is_where_the_last_lines_of_the_elements_have_no_force() -> None:
+    """The sum of strength (1 - hardening) and hardening times stiffness times the drift is zero."""
+    elements = [
+        {"type": "bilinear", "stiffness": 100, "yield_force": 1, "hardening": -0.1},
+        {"type": "bilinear", "stiffness": 50, "yield_force": 2, "hardening": -0.2},
+    ]
+    building = assemble(load_model({"stories": [{"mass": 1, "elements": elements}]}))
+    high, low = building.resistance_limits
+    assert high[0] == pytest.approx((1.1 + 2.4) / (10.0 + 10.0)) and low[0] == -high[0]

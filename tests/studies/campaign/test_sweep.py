@@ -146,6 +146,19 @@ def test_story_stiffness_follows_law_parameters(change, stiffness):
     assert (stiffer.stiffness, stiffer.law.parameters) == (150.0, (150.0, 3.0))
 
 
+def test_text_of_distributions():
+    random = {
+        "story 1.stiffness": Distribution("uniform", 0.8, 1.2, "kN/mm"),
+        "mass_factor": Distribution("normal", 1.0, 0.1),
+    }
+    texts = ParameterSweep(grids={"damping": (0.02, 0.05)}, random=random, samples=2).values_text
+    assert texts == {
+        "damping": "0.02, 0.05",
+        "story 1.stiffness": "uniform, low 0.8, high 1.2 kN/mm",
+        "mass_factor": "normal, mean 1, sd 0.1",
+    }
+
+
 def test_latin_hypercube_has_one_sample_per_stratum():
     """For 40 samples, each fortieth of a distribution contains one sample, and equal seeds give
     equal samples."""
