@@ -20,7 +20,7 @@ from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.output.figures.loads import load_picture
-from tdint.output.figures.runs import run_picture
+from tdint.output.figures.runs import loop_story, run_picture
 from tdint.output.figures.spectrum_curves import (
     difference_picture,
     draw_adrs,
@@ -30,7 +30,7 @@ from tdint.output.figures.spectrum_curves import (
     low_picture,
     spectrum_picture,
 )
-from tdint.output.figures.style import changed, picture, titled
+from tdint.output.figures.style import add_legends, changed, picture, titled
 from tdint.output.report import _pushover_parts
 from tdint.response.pairs import COLLAPSED, COMPLETED, Run, with_outcomes
 from tdint.response.runs.history import ErrorHistory
@@ -68,7 +68,8 @@ def draw_spectra(spectra, file):
 
 
 def figure_texts(figure):
-    """Return all texts of a figure, one per line."""
+    """Return all texts of a figure with its legends, one per line."""
+    add_legends(figure)
     return "\n".join(text.get_text() for text in figure.findobj(Text))
 
 
@@ -213,7 +214,7 @@ def test_the_time_axis_covers_the_strong_motion_and_states_its_rule():
     for axes in (ground, roof, energies):
         start, end = axes.get_xlim()
         assert 4.9 < start <= 5.01 and 6.0 < end <= 7.0
-    assert energies.get_xlabel() == "time (s), from the first to the last value of 5 % of a peak"
+    assert energies.get_xlabel() == "time (s), strong motion only"
     notes = [text for axes in (ground, roof) for text in axes.texts if "peak" in text.get_text()]
     assert len(notes) == 2 and all(note.xy == (1.0, 1.0) for note in notes)
     # Without a long quiet part, the axis covers the run.
@@ -255,7 +256,7 @@ def test_spectra_of_a_set_have_their_mean():
 
 def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
     """Drifts of the other buildings remain in percent of the story height, or all drifts are
-    lengths. The figure states the number of motions of each building."""
+    lengths. The figure names the motions that it omits."""
     stood, fell, flat = (
         profile_of_suite("stood", 3, 1),
         profile_of_suite("fell", 0, 4),
@@ -264,12 +265,12 @@ def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
     drifts = profile_picture([stood, fell]).axes[0]
     assert (drifts.get_xlabel(), drifts.get_title("left")) == (
         "drift (% of height)",
-        "motions that each building completes: 3, 0",
+        "collapsed or failed, not drawn: 1 of 4 motions of stood (3), 4 of 4 motions of fell "
+        "(0, 1, 2 and 1 more)",
     )
     assert {line.get_xdata().max() for line in drifts.get_lines()} == {1.0}
-    assert (
-        profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed: not drawn"
-    )
+    alone = profile_picture([fell]).axes[0].get_title("left")
+    assert alone == "collapsed or failed, not drawn: 4 of 4 motions (0, 1, 2 and 1 more)"
     axes = profile_picture([stood, flat]).axes[0]
     assert axes.get_xlabel() == "drift (m)" and {
         line.get_xdata().max() for line in axes.get_lines()
@@ -469,6 +470,24 @@ def test_axes_and_suites(axes, count):
     assert ("1.txt" in text) is (count == 2)
 
 
+def test_vertical_components_of_a_suite_differ_from_the_others():
+    """The median omits vertical components; their lines are dotted and have an entry."""
+    motions = [motion(source=f"{i}.txt").scaled(1.0 + i) for i in range(7)]
+    vertical = motion("HNZ", "0.txt")
+    spectra = [spectrum(record, np.geomspace(0.05, 2.0, 9)) for record in (*motions, vertical)]
+    figure = spectrum_picture(spectra)
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts[:3] == ["7 components", "1 vertical components", "median without verticals"]
+    (dotted,) = (line for line in figure.axes[0].lines if line.get_linestyle() == ":")
+    np.testing.assert_allclose(dotted.get_ydata(), spectra[-1].psa / 9.80665, rtol=1e-12)
+
+
+def test_an_isolator_has_the_loop_of_its_building():
+    """The ductility of an isolator is no measure of damage."""
+    response = run(load_model(CONFIGS / "base-isolated.yaml"), motion(), history=True, check=False)
+    assert loop_story(response)[1].startswith("isolator 0.1")
+
+
 @pytest.mark.parametrize("units", every(3, ["m", "kip,in,g", "kip,ft,g", "kN,mm", "kN,cm,m/s^2"]))
 def test_scales_of_a_spectrum_in_any_units(units):
     """psv = sd omega = psa / omega: labels of the diagonal scales are at the correct position and
@@ -506,7 +525,7 @@ def test_scales_of_a_spectrum_in_any_units(units):
              ("ground (g)", "kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)"), 1.0,
              0.02),
             ("kN,mm",
-             ("ground (g)", "kN·m)", "story shear (kN)", "drift (mm)", "acceleration (g)"), 100.0,
+             ("ground (g)", "kN·m)", "story shear (kN)", "drift (mm)", "acceleration (g)"), 1.5,
              0.001),
             ("lbf,m/s^2", ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)"),
              1.0, np.nan),

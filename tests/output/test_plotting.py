@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from matplotlib.axis import Tick
 from matplotlib.figure import Figure
-from matplotlib.text import Text
-from matplotlib.transforms import Bbox
 from scipy.special import ndtr
 
+import figure_rules
 import tdint
 from selection import every
 from tdint.errors import OutputError, UsageError
@@ -56,6 +54,9 @@ def results():
     }
 
 
+LAYOUTS = ("run", "runs", "law", "target displacements", "spectrum", "sensitivity", "fragility",
+           "stability", "order", "failures")  # fmt: skip
+"""Results with different arrangements of panels."""
 NARROW = ("order", "stability", "spectrum")
 ON_AXES = {
     "record", "run", "peaks", "runs", "modes", "law", "pushover", "spectrum", "scale",
@@ -124,7 +125,7 @@ def test_several_runs_have_a_row_for_each_scale_and_their_mean(results):
     with_failed_run = tdint.run_many(
         MODEL, results["record"], vary={"damping": [0.05, 2.0]}, errors="keep"
     ).plot()
-    assert with_failed_run.axes[0].get_title("left").startswith("1 of 2")
+    assert with_failed_run.axes[0].get_title("left").endswith("1 of 2 motions (array)")
 
 
 def test_derivatives_have_a_panel_with_errors_for_each_parameter(results):
@@ -186,24 +187,25 @@ def lines_of(results):
         )
     n2 = targets[0]
     inverse_participation = 1.0 / n2.participation
-    yield (("target displacements", 1, 0), n2.target.sd, n2.target.psa)
-    yield (
-        ("target displacements", 1, 1),
-        pushed.roof_displacement * inverse_participation,
-        pushed.applied_force * inverse_participation / n2.mass,
-    )
-    sd = n2.spectral_acceleration * (n2.period / (2.0 * np.pi)) ** 2
-    yield (("target displacements", 1, 3), [0.0, sd], [0.0, n2.spectral_acceleration])
-    reached, capacity = (
-        n2.roof_displacement * inverse_participation,
-        n2.yield_force * inverse_participation / n2.mass,
-    )
+    shown = slice(np.argmax(n2.target.sd) + 1)
+    yield (("target displacements", 1, 0), n2.target.sd[shown], n2.target.psa[shown] / g)
     yield (
         ("target displacements", 1, 2),
+        pushed.roof_displacement * inverse_participation,
+        pushed.applied_force * inverse_participation / n2.mass / g,
+    )
+    sd = n2.spectral_acceleration * (n2.period / (2.0 * np.pi)) ** 2
+    yield (("target displacements", 1, 4), [0.0, sd], [0.0, n2.spectral_acceleration / g])
+    reached, capacity = (
+        n2.roof_displacement * inverse_participation,
+        n2.yield_force * inverse_participation / n2.mass / g,
+    )
+    yield (
+        ("target displacements", 1, 3),
         [0.0, n2.yield_displacement * inverse_participation, reached],
         [0.0, capacity, capacity],
     )
-    yield (("target displacements", 1, 4), [reached], [capacity])
+    yield (("target displacements", 1, 5), [reached], [capacity])
     yield (("spectrum", 1, 0), PERIODS, results["spectrum"].sd)
     yield (("drifts", 0, 0), PERIODS, 100.0 * rates.peak_drift_ratio)
     yield (("drifts", 1, 0), PERIODS, 100.0 * rates.roof_drift_ratio)
@@ -322,35 +324,41 @@ def test_no_legend_is_wider_than_the_page(results, name):
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
 
 
-def layout_errors(figure):
-    """Return what a reader of a laid-out figure cannot see: legends over curves, texts outside of
-    the page or below 6 points, and printed figures that are higher than a page."""
-    figure.draw_without_rendering()
-    found, page = [], figure.bbox
-    for axes in figure.axes:
-        legend = axes.get_legend()
-        box = legend and Bbox.intersection(legend.get_window_extent(), axes.get_window_extent())
-        for line in axes.lines if box else ():
-            path = line.get_path().transformed(line.get_transform())
-            if path.intersects_bbox(box.padded(-1.0), filled=False):
-                found.append(f"the legend covers {line.get_label()}")
-    ticks = figure.findobj(Tick)  # also those outside of the limits, which are not drawn
-    labels = {label for tick in ticks for label in (tick.label1, tick.label2)}
-    for text in figure.findobj(Text):
-        if text in labels or not (text.get_visible() and text.get_text().strip()):
-            continue
-        box = text.get_window_extent()
-        if not (page.x0 - 1 <= box.x0 and box.x1 <= page.x1 + 1):
-            found.append(f"{text.get_text()!r} is cut off")
-        if text.get_fontsize() < 6.0:
-            found.append(f"{text.get_text()!r} has {text.get_fontsize()} points")
-    return found
-
-
 @pytest.mark.usefixtures("laid_out")
 @pytest.mark.parametrize("width", [None, 0.09, 0.18])
-@pytest.mark.parametrize("name", ["run", "law", "spectrum", "fragility"])
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_layout_at_each_width(results, name, width):
+    """A reader sees all lines and texts, and distinguishes lines in gray."""
     figure = tdint.plot(results[name], width=width)
-    assert not layout_errors(figure)
-    assert width is None or figure.get_figheight() <= 0.24 / 0.0254 + 1e-9
+    assert figure_rules.findings(figure, printed=width is not None) == []
+
+
+def test_the_inelastic_demand_meets_the_target(results):
+    """At the period T*, the reduced demand is the yield acceleration of the oscillator, and its
+    displacement is the target displacement (annex B of EN 1998-1)."""
+    n2 = results["target displacements"][0]
+    assert n2.strength_ratio > 1.0
+    demand = tdint.plot(results["target displacements"]).axes[1].lines[1]
+    periods = n2.target.periods[: len(demand.get_xdata())]
+    at_period = [np.interp(n2.period, periods, values) for values in demand.get_data()]
+    expected = (
+        n2.roof_displacement / n2.participation,
+        n2.yield_force / n2.participation / n2.mass / STANDARD_GRAVITY,
+    )
+    assert at_period == pytest.approx(expected, rel=5e-3)
+
+
+def test_loops_of_all_stories_are_drawn(results):
+    """The loop of the story is in front of the loops of all other stories."""
+    run = results["run"]
+    first, *others = (line for line in tdint.plot(run).axes[6].lines if len(line.get_xdata()) > 2)
+    np.testing.assert_allclose(first.get_xdata(), run.history.drift[:, 0])
+    np.testing.assert_allclose([line.get_xdata() for line in others], run.history.drift.T[1:])
+    assert all(line.get_zorder() < first.get_zorder() for line in others)
+
+
+def test_a_linear_run_has_no_loop(results):
+    """The loop of a linear law is a straight line."""
+    story = {"mass": 10.0, "height": 3.0, "stiffness": 8000.0}
+    run = tdint.run({"stories": [story]}, results["record"], history=True)
+    assert len(tdint.plot(run).axes) == len(tdint.plot(results["run"]).axes) - 1

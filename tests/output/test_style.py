@@ -2,12 +2,14 @@
 
 from collections import Counter
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+import figure_rules
 from tdint.assessment.chart.performance_profiles import METHODS
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
@@ -15,12 +17,15 @@ from tdint.methods.catalogue import catalogue
 from tdint.output.figures.style import (
     add_legend,
     add_ratio_axis,
+    line_style,
     method_styles,
     motion_name,
+    new_panels,
     picture,
     scaled_unit,
     write_labels,
 )
+from tdint.output.printed import PRINTED, PrintedAs
 from tdint.units import SI, parse_output_units
 
 
@@ -144,3 +149,47 @@ def test_name_of_a_motion_is_its_name_in_tables():
     assert motion_name(record) == "a.mseed NZ.S1..HNE"
     other = replace(record, id="NZ.S1..HNN", component="HNN", acceleration=np.arange(5.0))
     assert motion_name(Horizontals(record, other)) == "a.mseed NZ.S1..HNE+NZ.S1..HNN"
+
+
+def test_lines_with_equal_dashes_differ_in_gray():
+    """The dashes of `line_style` repeat after five lines; the lightness of these lines differs by
+    at least 20 L*."""
+    styles = [line_style(number) for number in range(10)]
+    for one, other in combinations(styles, 2):
+        if one["linestyle"] == other["linestyle"]:
+            gray, other_gray = (figure_rules.lightness(style["color"]) for style in (one, other))
+            assert abs(gray - other_gray) >= figure_rules.MIN_LIGHTNESS
+
+
+@pytest.mark.parametrize(("width", "columns"), [(None, 4), (0.18, 4), (0.09, 2), (0.05, 1)])
+def test_a_panel_is_at_least_45_mm_wide(width, columns):
+    """A row with more panels continues below; each printed panel is at least 22 mm high."""
+    token = PRINTED.set(PrintedAs(width))
+    try:
+        grid = []
+
+        def draw():
+            figure, rows = new_panels(8.0, (1.2, (1,)), (1.5, (1,) * 4))
+            grid.extend(rows[1])
+            for axes in figure.axes:
+                axes.set(xlabel="time (s)", ylabel="x (m)")
+            return figure
+
+        figure = picture(".png", draw).figure()
+    finally:
+        PRINTED.reset(token)
+    assert {axes.get_subplotspec().get_gridspec().ncols for axes in grid} == {columns}
+    if width:
+        assert figure.get_figwidth() * 0.0254 == pytest.approx(width)
+        assert min(axes.bbox.height for axes in figure.axes) / figure.dpi * 25.4 > 21.5
+        assert figure.get_figheight() * 25.4 <= 240.1
+
+
+def test_negative_numbers_have_a_minus_sign():
+    """A hyphen in a name remains."""
+    figure = Figure()
+    axes = figure.subplots()
+    axes.set(title="peak -0.3 m (-1 to 2), newmark-average -x", xscale="log")
+    shown = picture(".png", lambda: figure).figure()
+    (title,) = (panel.get_title() for panel in shown.axes)
+    assert title == "peak \N{MINUS SIGN}0.3 m (\N{MINUS SIGN}1 to 2), newmark-average -x"

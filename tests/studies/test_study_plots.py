@@ -12,15 +12,18 @@ from building_cases import model, story
 from selection import every
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
+from tdint.output.figures.style import add_legends
 from tdint.response.spectra.target import TargetSpectrum
 from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_figures import fragility_picture
+from tdint.studies.fragility.hazard import HazardCurve, at_risk
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, IdaRun
 from tdint.studies.ida.ida_figures import ida_picture
 from tdint.studies.motions.intensity import MotionIntensity, pga, sa, sa_average
 from tdint.studies.motions.scaling import Scaling, scale, scale_p695
 from tdint.studies.motions.scaling_figures import suite_picture
+from tdint.units import SI, STANDARD_GRAVITY
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")
 
@@ -29,6 +32,7 @@ STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
 
 def figure_texts(figure):
     """Return all texts of a figure, one per line. Rendering detects invalid texts."""
+    add_legends(figure)
     figure.draw_without_rendering()
     return "\n".join(text.get_text() for text in figure.findobj(Text))
 
@@ -90,7 +94,8 @@ def test_axes_state_measure_and_unit(measure, pair, label):
         ida_picture(replace(study(curve(0, *COLLAPSING), measure=measure), pair=pair))
     )
     assert label in text
-    assert any(line.endswith(" (g)") for line in text.splitlines()) == (measure.unit == "m/s^2")
+    in_g = study(curve(0, *COLLAPSING)).in_units(SI.in_figures)
+    assert "(g)" in figure_texts(ida_picture(in_g)) and "(g)" not in text
 
 
 TARGET = TargetSpectrum("a $target$_x.csv", np.array([0.1, 3.0]), np.array([5.0, 1.0]))
@@ -102,16 +107,16 @@ PAIR = Horizontals(record(0), record(1))
     every(
         2,
         [
-            (scale([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
+            (scale([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 0.2039 g"]),
             (scale([record(), record(2)], sa_average(1.0), 2.0),
-             ["2 records", "median", "Sa_avg = 2 m/s²"]),
+             ["2 records", "median", "Sa_avg = 0.2039 g"]),
             (scale([PAIR], MotionIntensity("pgv"), 0.3, pair="rotd50"),
              ["1 pair", "RotD50", "PGV = 0.3 m/s"]),
             (scale([record(i) for i in range(44)], target=TARGET,
                    periods=np.geomspace(0.2, 2.0, 5)),
              ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"]),
             (scale_p695([PAIR] * 3, sa(1.0), 2.0),
-             ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"]),
+             ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 0.2039 g"]),
             (
                 Scaling(
                     (PAIR,) * 11,
@@ -183,11 +188,24 @@ def test_functions_with_modeling_dispersion_have_their_own_panel(count, panels):
         for t in np.arange(1, count + 1) / 100.0
     ]
     figure = fragility_picture(functions)
+    add_legends(figure)
     shown = [axes for axes in figure.axes if axes.get_legend()]
     assert len(shown) == panels
     totals = [text.get_text() for text in shown[-1].get_legend().get_texts()]
     assert sum(f"{fitted.beta:.2f}" in text for text in totals) == (count if panels == 1 else 0)
     assert sum(f"{functions[0].beta_total:.2f}" in text for text in totals) == count
+
+
+def test_contributions_to_the_frequency_have_the_area_of_the_curve():
+    """The density over ln s is 1 in sum, except for intensities outside the points of the curve."""
+    curve = HazardCurve(np.array([0.3, 1.0, 3.0]), np.array([0.1, 0.01, 1e-4]), "pga", "m/s^2")
+    fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3).named(0.01, "pga", "m/s^2")
+    (function,), _ = at_risk([fitted], curve, allow_outside=True)
+    *_, rates, density = fragility_picture([function], curve).axes
+    np.testing.assert_array_equal(rates.lines[0].get_data(), (curve.im, curve.rate))
+    x, y = density.lines[0].get_data()
+    area = np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(np.log(x)))
+    assert area == pytest.approx(1.0 - function.risk.share_outside, rel=2e-2)
 
 
 @pytest.mark.usefixtures("laid_out")
@@ -237,22 +255,24 @@ def test_scaled_spectra_are_drawn_with_their_median_average_and_target():
     )
     axes = suite_picture(scaling).axes[0]
     median = drawn(axes, "median")
-    spectra = scaling.spectra(median[:, 0])
+    spectra = scaling.spectra(median[:, 0]) / STANDARD_GRAVITY
     assert spectra.shape == (44, len(median))
     single = [line for line in axes.lines if len(line.get_xdata()) == len(median)][:44]
     np.testing.assert_allclose([line.get_ydata() for line in single], spectra, rtol=1e-9)
     np.testing.assert_allclose(median[:, 1], np.exp(np.median(np.log(spectra), axis=0)), rtol=1e-2)
     assert np.all((spectra.min(axis=0) < median[:, 1]) & (median[:, 1] < spectra.max(axis=0)))
     target = drawn(axes, "target")
-    np.testing.assert_allclose(target, np.column_stack([TARGET.periods, TARGET.psa]), rtol=1e-12)
+    np.testing.assert_allclose(
+        target, np.column_stack([TARGET.periods, TARGET.psa / STANDARD_GRAVITY]), rtol=1e-12
+    )
 
 
 def test_the_target_value_of_a_scaling_is_drawn_at_its_period():
     axes = suite_picture(scale([record(), record(2)], sa(1.0), 2.0)).axes[0]
     (label,) = (line.get_label() for line in axes.lines if "Sa(1 s)" in line.get_label())
-    assert drawn(axes, label).tolist() == [[1.0, 2.0]]
+    assert drawn(axes, label)[0] == pytest.approx([1.0, 2.0 / STANDARD_GRAVITY])
     lines = [line for line in axes.lines if len(line.get_xdata()) > 10]
     for line in lines[:2]:
         assert np.exp(np.interp(0.0, np.log(line.get_xdata()), np.log(line.get_ydata()))) == (
-            pytest.approx(2.0, rel=1e-2)
+            pytest.approx(2.0 / STANDARD_GRAVITY, rel=1e-2)
         )

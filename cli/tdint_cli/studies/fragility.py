@@ -198,10 +198,9 @@ def _fit(request: Request) -> None:
     # ratios. A table of another program can have any demand.
     if not by and study_summary(Path(source)):
         functions = [replace(function, is_drift_ratio=True) for function in functions]
-    if request.hazard:
-        functions, outside = at_risk(
-            functions, read_hazard(request.hazard), allow_outside=request.allow_outside
-        )
+    curve = read_hazard(request.hazard) if request.hazard else None
+    if curve:
+        functions, outside = at_risk(functions, curve, allow_outside=request.allow_outside)
         warn(*outside)
     if openquake_files:
         # OpenQuake files do not use --output-units: write the functions in SI units.
@@ -211,7 +210,10 @@ def _fit(request: Request) -> None:
         """Return the figure of the functions: with --by, a panel for each type."""
         # The first use of the module of figures imports matplotlib, which is not needed earlier.
         module = studies.fragility_figures
-        return module.types_picture(functions) if by else module.fragility_picture(functions)
+        functions = module.in_figure_units(functions, outputs.shown_units)
+        if by:
+            return module.types_picture(functions)
+        return module.fragility_picture(functions, curve)
 
     tables = studies.fragility_tables
     states = tables.FRAGILITY_BUILDING if by == "building" else tables.FRAGILITY_STATES
@@ -287,20 +289,12 @@ def _page(
     from tdint.studies.fragility.fragility_report import fragility_page
 
     # Page and figure have one unit: an acceleration is in g unless a unit was requested.
-    if request.outputs.units is None:
-        functions = [_in_g(function) for function in functions]
+    functions = studies.fragility_figures.in_figure_units(functions, request.outputs.shown_units)
     page_text = PageText(
         sentences=[f"{text[0].upper()}{text[1:]}." for text in result.notes],
         warnings=[*result.warnings, *result.disagreements, *map(str, result.failures)],
     )
     return fragility_page(functions, draw, request.table or "", page_text)
-
-
-def _in_g(function: Fragility) -> Fragility:
-    """Return a function with its intensity in g if it is an acceleration in m/s^2."""
-    from tdint.units import SI
-
-    return function.in_units(SI.in_figures) if function.unit == "m/s^2" else function
 
 
 def _losses(folder: Path) -> dict[str, tuple[float, ...]]:

@@ -310,7 +310,8 @@ def _write(
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
         files[picture] = figures.style.picture(
-            picture.suffix, lambda: studies.ida_figures.ida_picture(shown)
+            picture.suffix,
+            lambda: studies.ida_figures.ida_picture(study.in_units(units.in_figures)),
         )
     if request.report:
         files[Path(request.report)] = _page(request, study, settings, unused, margin)

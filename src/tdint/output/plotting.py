@@ -95,6 +95,8 @@ def plot(
             raise UsageError(f"a {type(results[0]).__name__} has no main panel; plot it without ax")
         with style_context():
             drawing.on_axes(ax, shown, output_units.in_figures)
+            if ax.get_legend_handles_labels()[1]:
+                ax.legend()
         return ax
     # Drawing functions read the settings from a context variable, which is valid for this call.
     before = PRINTED.set(printed)

@@ -39,14 +39,20 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Fragility": Presentation(
         rows=lambda results, _: studies.fragility_tables.fragility_table(results),
-        picture=lambda results, _: studies.fragility_figures.fragility_picture(results),
-        on_axes=lambda ax, results, _: studies.fragility_figures.draw_functions(ax, results),
+        picture=lambda results, units: studies.fragility_figures.fragility_picture(
+            studies.fragility_figures.in_figure_units(results, units)
+        ),
+        on_axes=lambda ax, results, units: studies.fragility_figures.draw_functions(
+            ax, studies.fragility_figures.in_figure_units(results, units)
+        ),
     ),
     "FragilityResult": Presentation(
         lambda result: studies.fragility_tables.fragility_table(result.functions),
-        picture=lambda result, _: studies.fragility_figures.fragility_picture(result.functions),
-        on_axes=lambda ax, result, _: studies.fragility_figures.draw_functions(
-            ax, result.functions
+        picture=lambda result, units: studies.fragility_figures.fragility_picture(
+            studies.fragility_figures.in_figure_units(result.functions, units)
+        ),
+        on_axes=lambda ax, result, units: studies.fragility_figures.draw_functions(
+            ax, studies.fragility_figures.in_figure_units(result.functions, units)
         ),
         alone=True,
     ),
@@ -58,7 +64,9 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "IdaStudy": Presentation(
         lambda result: studies.ida_tables.ida_table(result),
-        picture=lambda result, units: studies.ida_figures.ida_picture(result.in_units(units)),
+        picture=lambda result, units: studies.ida_figures.ida_picture(
+            result.in_units(units.in_figures)
+        ),
         on_axes=lambda ax, result, units: studies.ida_figures.draw_ida(ax, result.in_units(units)),
         alone=True,
     ),

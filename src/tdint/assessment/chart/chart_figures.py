@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,15 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from tdint.number_parsing import abbreviate, pluralize
-from tdint.output.figures.static_curves import NARROW_FOOT, PROFILE_FOOT
 from tdint.output.figures.style import (
     LIGHT,
     Style,
     add_legend,
-    is_narrow,
     method_styles,
     new_axes,
-    new_figure,
+    new_panels,
     plain_minor_numbers,
     plain_numbers,
     titled,
@@ -28,82 +25,14 @@ from tdint.output.figures.style import (
 )
 from tdint.output.tables.methods import PEER
 from tdint.response.defaults import PEAKS, QUANTITIES
-from tdint.system import CLOCKS, version_of_sources
+from tdint.system import CLOCKS
 
 if TYPE_CHECKING:
     from tdint.assessment.chart.performance_profiles import FieldChart
-    from tdint.assessment.chart.work_precision import Chart, Peer, PerformanceProfile, Point, Timing
+    from tdint.assessment.chart.work_precision import Chart, PerformanceProfile, Point
 
 
 BAND_RULE = "no other point is cheaper and more accurate"
-CHART_FOOT = 62  # number of 6 pt characters in the width of a column
-_FOOT = 100  # characters per line of the footnote
-
-
-def short_footnote(chart: Chart, target: str, has_circles: bool, has_triangles: bool) -> str:
-    """Return the short explanation of a work-precision diagram for one column of a page.
-
-    It states the meaning of band, circle and triangle in at most three lines. In contrast to
-    `footnote`, it omits the reference of the errors and the conditions of the time measurements,
-    for lack of space. The command prints both on the terminal.
-
-    Parameters
-    ----------
-    has_circles, has_triangles : bool
-        True if the diagram contains circles (triangles).
-    """
-    interval = "sampling interval" if chart.recorded else "time step of the model"
-    text = f"band: {BAND_RULE}"
-    if has_circles:
-        text += f"; circle: {interval}, {chart.interval:.4g} s"
-    if has_triangles:
-        gap = f"{chart.reference.gap.of(target):.1e}"
-        text += f"; triangle: error below {gap}, the uncertainty of the reference"
-    return "\n".join(wrap(text, CHART_FOOT))
-
-
-def footnote(
-    chart: Chart, target: str, points: Sequence[Point], mark: str, has_triangles: bool
-) -> str:
-    """Return the explanation below a work-precision diagram: meaning of circle and triangle,
-    reference of the errors, and conditions of the times.
-
-    Parameters
-    ----------
-    mark : str
-        Symbol of the sampling interval in the diagram; empty if no point has this time step.
-    """
-    reference = chart.reference
-    gap = reference.gap.of(target)
-    interval = "sampling interval of the record" if chart.recorded else "time step of the model"
-    # The time step of a point is nan for a run with a tolerance (--tolerance) and for other
-    # programs; the names of their lines contain a slash (PEER). The note is for runs with a
-    # tolerance only.
-    tolerance_note = ""
-    if any(math.isnan(point.dt) and PEER not in point.line for point in points):
-        tolerance_note = "; by tolerance: of the whole run"
-    triangle = "; triangle: smaller error" if has_triangles else ""
-    mark_text = f"{mark}: {interval}, {chart.interval:.4g} s; " if mark else ""
-    return "\n".join(
-        wrap(
-            f"{mark_text}reference: {reference.method}, dt {reference.dt:.3g} s; difference from "
-            f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: "
-            f"{conditions(chart.timing)}{tolerance_note}; {programs(chart.peers)}",
-            _FOOT,
-        )
-    )
-
-
-def conditions(timing: Timing) -> str:
-    """Return the conditions of times: clock, number of repetitions, load, processor."""
-    return f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}"
-
-
-def programs(peers: Sequence[Peer]) -> str:
-    """Return the versions of tdint and of the other programs of a chart."""
-    versions = (f"{peer.name} {peer.version}" for peer in peers)
-    return ", ".join([f"tdint {version_of_sources()[0]}", *versions])
-
 
 # ---- Work-precision diagrams: time over error, error over time step, cost over number of stories;
 # readable in black and white
@@ -117,9 +46,6 @@ _COSTS = {
     "solves": "solutions of the equations (for scipy: evaluations of the derivatives)",
 }
 """Label of the axis of each type of cost."""
-_HIGH = 6.6
-"""Height, inches, of a figure for one column of a page, before the height of the legend is added
-and the figure is reduced to the width of the column."""
 
 
 def chart_picture(
@@ -156,8 +82,7 @@ def sizes_picture(
     highlight : str
         Method with a thick line in front of the other lines; empty by default.
     """
-    figure = new_figure(7.5, 4.6)
-    cost, accuracy = figure.subplots(1, 2)
+    figure, ((cost, accuracy),) = new_panels(7.5, (4.6, (1, 1)))
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
     drawings = [_Drawing(chart, target) for chart in charts]
     handles = []
@@ -261,21 +186,25 @@ class _Drawing:
         return front
 
     @property
-    def has_triangles(self) -> bool:
-        """True if any line has a point with an error below the uncertainty of the reference."""
-        return any(map(self.below, self.lines.values()))
-
-    @property
     def at_interval(self) -> list[Point]:
         """Points with the sampling interval of the record as time step."""
         # The tolerance allows for the rounding of time steps that are computed from the interval.
         interval = self.chart.interval
         return [point for point in self.points if abs(point.dt - interval) <= 1e-9 * interval]
 
-    def footnote(self, mark: str) -> str:
-        """Return the explanation below a figure that is wider than a column of a page; `mark` is
-        the symbol of the sampling interval."""
-        return footnote(self.chart, self.target, self.points, mark, self.has_triangles)
+    def explanation(self, mark: str) -> str:
+        """Return the meaning of the symbols, for the title of the legend; `mark` is the symbol of
+        the sampling interval, empty if no point has this time step."""
+        chart = self.chart
+        interval = "sampling interval of the record" if chart.recorded else "time step of the model"
+        parts = [f"{mark}: {interval}, {chart.interval:.4g} s"] if mark else []
+        # The time step of a point is nan for a run with a tolerance (--tolerance) and for other
+        # programs; the names of their lines contain a slash (PEER).
+        if any(math.isnan(point.dt) and PEER not in point.line for point in self.points):
+            parts.append("by tolerance: times of the whole run")
+        if any(map(self.below, self.lines.values())):
+            parts.append(f"triangle: error below {self.gap:.1e}, the uncertainty of the reference")
+        return "; ".join([*parts, f"reference: {chart.reference.method}"])
 
     def below(self, points: Sequence[Point]) -> list[Point]:
         """Return a list with the cheapest of the points with an error of at most the uncertainty of
@@ -301,9 +230,7 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, Style]:
 
 def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     """Return the figure of the costs of the methods over their errors, with the gray band."""
-    # In one column, the explanation is the title of the legend, and the panel is higher.
-    narrow = is_narrow()
-    figure, axes = new_axes(7.5, _HIGH if narrow else 5.6)
+    figure, axes = new_axes(7.5, 5.6)
     front = drawing.front()
     (band,) = axes.plot(
         *_columns(drawing, front),
@@ -313,20 +240,15 @@ def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
         zorder=1,
     )
     handles, shown_points = _plot_cost_lines(axes, drawing, highlight)
-    _set_cost_axes(axes, drawing, narrow=narrow)
+    _set_cost_axes(axes, drawing)
     add_legend(
-        figure, [*handles, band], [*drawing.lines, "band" if narrow else f"band: {BAND_RULE}"]
+        figure,
+        [*handles, band],
+        [*drawing.lines, f"band: {BAND_RULE}"],
+        title=drawing.explanation("circle" if drawing.at_interval else ""),
     )
-    subject = f"{drawing.versus} against accuracy, "
-    if narrow:
-        legend = figure.legends[-1]
-        has_circles = bool(drawing.at_interval)
-        legend.set_title(
-            short_footnote(drawing.chart, drawing.target, has_circles, drawing.has_triangles)
-        )
-        legend.get_title().set(fontsize=6.0, multialignment="center")
-        subject = ""
-    titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
+    subject = f"{drawing.versus} against accuracy, time steps (s) at the points"
+    titled(figure, _title(drawing, name, subject))
     # Points of the front and the last point of each line (the smallest time step) are labeled with
     # their time step. Labels without space are omitted.
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown_points]
@@ -371,10 +293,8 @@ def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list
     return handles, shown_points
 
 
-def _set_cost_axes(axes: Any, drawing: _Drawing, *, narrow: bool) -> None:
-    """Set scales, range and labels of the axes of a figure of costs over errors. A narrow figure,
-    in one column of a page, has no footnote below the axis.
-    """
+def _set_cost_axes(axes: Any, drawing: _Drawing) -> None:
+    """Set scales, range and labels of the axes of a figure of costs over errors."""
     _chart_frame(axes)
     # Numbers of steps and of solutions, and the times of a few time steps, often differ by less
     # than a decade, so that ticks at powers of ten are not sufficient.
@@ -383,9 +303,7 @@ def _set_cost_axes(axes: Any, drawing: _Drawing, *, narrow: bool) -> None:
         plain_numbers(axes.yaxis)
         plain_minor_numbers(axes.yaxis)
     axes.set_xlim(right=min(axes.get_xlim()[1], _MAX_ERROR))
-    quantity = QUANTITIES[drawing.target]
-    text = drawing.footnote("circle" if drawing.at_interval else "")
-    axes.set_xlabel(quantity if narrow else f"{quantity}\n{text}")
+    axes.set_xlabel(QUANTITIES[drawing.target])
     # The label of a time states which part of each program is timed.
     chart = drawing.chart
     label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
@@ -433,9 +351,9 @@ def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
     _chart_frame(axes)
     axes.set_ylim(top=min(axes.get_ylim()[1], _MAX_ERROR))
-    axes.set_xlabel(f"time step (s)\n{drawing.footnote('vertical line')}")
+    axes.set_xlabel("time step (s)")
     axes.set_ylabel(QUANTITIES[drawing.target])
-    add_legend(figure, handles, labels)
+    add_legend(figure, handles, labels, title=drawing.explanation("vertical line"))
     return titled(figure, _title(drawing, name, "error over the time step"))
 
 
@@ -464,48 +382,31 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     quantity = target.replace("-", "_")
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
     tolerances = sorted({profile.tolerance for profile in profiles}, reverse=True)
-    narrow = is_narrow()
-    figure = new_figure(7.5, 9.0 if narrow else 5.4)
-    panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
+    figure, (panels,) = new_panels(7.5, (4.8, (1,) * len(tolerances)), share="xy", columns=3)
     plot_styles = method_styles(chart.lines, highlight)
     handles: dict[str, Any] = {}
-    for axes, tolerance in zip(panels.flat, tolerances, strict=False):
+    for axes, tolerance in zip(panels, tolerances, strict=True):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
         handles |= _plot_profiles(axes, shown, plot_styles)
         count = max(profile.problems for profile in shown)
         axes.set_title(f"error within {100.0 * tolerance:g} % ({pluralize(count, 'problem')})")
-    for axes in panels.flat[len(tolerances) :]:
-        axes.set_axis_off()
-    for axes in panels[:, 0]:
-        axes.set_ylabel("fraction of problems solved")
-    for axes in panels[-1]:
-        axes.set_xlabel("time divided by minimum time")
+        axes.set(xlabel="time divided by minimum time", ylabel="fraction of problems solved")
+        axes.label_outer()
     shown_lines = [line for line in chart.lines if line in handles]
-    add_legend(
-        figure,
-        [handles[line] for line in shown_lines],
-        [
-            # The second text is empty (times False) if the method was run for all problems.
-            chart.named(line)
-            + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
-            for line in shown_lines
-        ],
-    )
-    # The conditions of the measurement are the title of the legend, because the layout reserves
-    # space for a legend. A figure of a single method has no legend and no such text.
+    names = [
+        # The second text is empty (times False) if the method was run for all problems.
+        chart.named(line)
+        + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
+        for line in shown_lines
+    ]
     text = (
         "Each method has the cheapest time step that is within the tolerance together with all "
         "smaller time steps; lines end at the fraction solved within "
-        f"{_MAX_COST_RATIO:g} times the minimum cost. Times: "
-        f"{conditions(chart.timing)}; {programs(chart.peers)}"
+        f"{_MAX_COST_RATIO:g} times the minimum cost"
     )
     if unsolved := chart.unsolved():
         text += f". Not solved within 10 %: {abbreviate(unsolved, _MAX_UNSOLVED)}"
-    for legend in figure.legends:
-        footnote = wrap(text, NARROW_FOOT if narrow else PROFILE_FOOT)
-        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))
-        legend.set_title("\n".join(footnote), prop={"size": 7.5})  # type: ignore[arg-type]
-        legend.get_title().set_multialignment("center")
+    add_legend(figure, [handles[line] for line in shown_lines], names, title=text)
     return titled(
         figure,
         f"Performance profiles over {pluralize(len(chart.measured), 'problem')}\n{PEAKS[target]}",

@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple
 
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tdint.assessment.chart.chart_figures import CHART_FOOT
 from tdint.errors import UsageError
 from tdint.output.figures import style
 from tdint.output.figures.style import Style, new_figure
@@ -71,7 +69,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
     headings = [f"{name}, dt {dt:.4g}" for name, dt in columns]
-    narrow, size = style.is_narrow(), _matrix_size(methods, len(columns))
+    size = _matrix_size(methods, len(columns))
     # Each panel has a part of the columns.
     panel_headings = [
         headings[first : first + size.columns] for first in range(0, len(headings), size.columns)
@@ -79,7 +77,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     height = 0.0
     for part in panel_headings:
         height += _LINE + _LETTER_WIDTH * max(map(len, part)) + size.row_height * len(methods)
-    height += 1.7 if narrow else 1.13  # title and legend
+    height += 1.13  # title and legend
     figure = new_figure(size.width, height)
     panels = figure.subplots(len(panel_headings), 1, squeeze=False)[:, 0]
     # Each trial has a cell; text in a hatched cell has a plain background.
@@ -118,18 +116,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
             if problem != previous_problem:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
-    explanation = "\n".join(wrap(_EXPLANATION, CHART_FOOT)) if narrow else _EXPLANATION
-    legend = figure.legend(
-        handles,
-        list(_LEGEND),
-        loc="outside lower center",
-        title=explanation,
-        ncols=2 if narrow else 3,
-        handlelength=2.4,
-        handleheight=1.4,
-        title_fontsize=7.5,
-    )
-    legend.get_title().set_multialignment("center")
+    style.add_legend(figure, handles, list(_LEGEND), title=_EXPLANATION, handleheight=1.4)
     return style.titled(figure, "Problems on which methods fail")
 
 

@@ -20,7 +20,7 @@ from tdint.output.figures.style import (
     add_legend,
     method_styles,
     new_axes,
-    new_figure,
+    new_panels,
     plain_numbers,
     titled,
 )
@@ -49,9 +49,9 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         True to add a panel of the growth per time step around omega dt = sqrt(12), on a logarithmic
         scale.
     """
-    figure = new_figure(7.5, 8.6 if band else 6.4)
-    grid = figure.add_gridspec(3 if band else 2, 2)
-    radius, *others = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
+    rows = [(3.0, (1, 1))] * 2 + [(2.4, (1,))] * band
+    figure, panels = new_panels(7.5, *rows)
+    radius, *others = panels[0] + panels[1]
     styles = _curve_styles(curves)
     lines = _draw_quantity(radius, curves, "spectral_radius", styles)
     quantities = ("amplitude_decay", "period_error", "numerical_damping")
@@ -60,7 +60,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     # The additional panel shows the growth near the stability limit of linear acceleration. A
     # logarithmic axis would enlarge rounding errors, so that growth below `_ROUNDING` is omitted.
     if band:
-        zoom = figure.add_subplot(grid[2, :])
+        (zoom,) = panels[2]
         for curve, style in zip(curves, styles, strict=True):
             growth = curve.spectral_radius - 1.0
             plot(
@@ -93,8 +93,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     motions : sequence of Overshoot
         First time steps of each method, start and damping ratio; at least one.
     """
-    figure = new_figure(7.5, 6.4)
-    panels = figure.subplots(2, 2, sharex=True)
+    figure, panels = new_panels(7.5, *[(3.1, (1, 1))] * 2, share="x")
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     dampings = list(dict.fromkeys(motion.damping for motion in motions))
     lines = {}
@@ -177,7 +176,6 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
         for style, label in zip(_curve_styles(curves), _curve_labels(curves), strict=True)
     ]
     _draw_quantity(axes, curves, "spectral_radius", styles)
-    axes.legend(loc="best")
 
 
 def accuracy_picture(
@@ -282,7 +280,10 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
     first = measured[0]
     has_ratio = not math.isnan(first.frequency_ratio)
     several = len({order.frequency_ratio for order in measured}) > 1
-    figure = _draw_orders(measured, thin) if several and has_ratio else _draw_order_chart(measured)
+    # The lines of many methods would cover each other, because most have the same order.
+    is_clear = len({order.method for order in measured}) <= _MAX_ORDER_LINES
+    is_curve = several and has_ratio and is_clear
+    figure = _draw_orders(measured, thin) if is_curve else _draw_order_chart(measured)
     # The title states the properties that all curves share, so that the legend is short.
     loads = {
         "free": "free vibration",
@@ -297,10 +298,12 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
     return titled(figure, name + title)
 
 
+_MAX_ORDER_LINES = 8  # methods in a figure of orders over the frequency ratio
+
+
 def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     """Plot observed order and error at the smallest time step over the frequency ratio."""
-    figure = new_figure(7.5, 6.6)
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure, ((upper,), (lower,)) = new_panels(7.5, (3.3, (1,)), (3.3, (1,)), share="x")
     methods = list(dict.fromkeys(order.method for order in measured))
     lines = []
     # All lines have the same damping ratio, 0.0, so that styles differ only by method.
@@ -331,8 +334,9 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     Markers show the orders of displacement, velocity, acceleration and algorithmic acceleration. A
     row without order (the errors are rounding errors) has a text instead.
     """
-    figure, axes = new_axes(7.5, 1.9 + 0.24 * len(measured))
-    rows = np.arange(len(measured), 0.0, -1.0)
+    methods = list(dict.fromkeys(order.method for order in measured))
+    figure, axes = new_axes(7.5, 1.9 + 0.24 * len(methods))
+    rows = [len(methods) - methods.index(order.method) for order in measured]
     marks = (
         ("displacement", "o", 8.0, "none"),
         ("velocity", "s", 4.0, COLORS[1]),
@@ -353,8 +357,8 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
             axes.text(
                 0.08, row, "errors are rounding errors", va="center", fontsize=8.0, color="0.35"
             )
-    axes.set_yticks(rows, [order.method for order in measured], parse_math=False)
-    axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6), xlabel="observed order")
+    axes.set_yticks(range(len(methods), 0, -1), methods, parse_math=False)
+    axes.set(ylim=(0.3, len(methods) + 0.7), xlim=(0.0, 5.6), xlabel="observed order")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     add_legend(figure, *axes.get_legend_handles_labels())
     return figure
@@ -383,8 +387,7 @@ def example_picture(
         Key of the exact solution in `tdint.assessment.examples.paper_examples.REFERENCES`.
     """
     runs = [run for run in runs if run.outcome == "done" and not run.variant]
-    figure = new_figure(7.5, 3.8)
-    history_axes, close_up_axes = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
+    figure, ((history_axes, close_up_axes),) = new_panels(7.5, (3.8, (5, 2)))
     time = runs[0].motion.time
     exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
     displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]

@@ -13,6 +13,7 @@ from tdint.output.figures.style import (
     mark_first_periods,
     new_axes,
     plain_logarithmic,
+    psa_label,
     titled,
 )
 from tdint.response.spectra.floor_motions import FloorSpectrum
@@ -41,13 +42,12 @@ def floor_picture(
         floor, spectrum = floor_spectrum.floor, floor_spectrum.spectrum
         damping_text = f", {100.0 * spectrum.damping:g} %" if len(ratios) > 1 else ""
         label = floor_spectrum.place + damping_text
-        plot_style = line_style(floors.index(floor), ratios.index(spectrum.damping)) | {
-            "linewidth": 1.6
-        }
+        plot_style = line_style(
+            floors.index(floor), ratios.index(spectrum.damping) if len(ratios) > 1 else None
+        ) | {"linewidth": 1.6}
         axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), **plot_style, label=label)
     set_floor_axes(axes, units)
     mark_first_periods(axes, [("", period)])
-    axes.legend(loc="best")
     damping = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
     return titled(figure, f"{title}\nspectra of absolute floor accelerations{damping}".strip())
 
@@ -55,5 +55,5 @@ def floor_picture(
 def set_floor_axes(axes: Any, units: OutputUnits) -> None:
     """Make the axes of a panel of floor spectra logarithmic, and set their labels."""
     plain_logarithmic(axes)
-    axes.set(xlabel="period (s)", ylabel=f"pseudo-acceleration ({units.label('m/s^2')})")
+    axes.set(xlabel="period (s)", ylabel=psa_label(units))
     axes.label_outer()

@@ -80,7 +80,6 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
             axes.plot(times, values, linewidth=0.6, color=LIGHT, zorder=0)
     shown = active_interval([(force[0].times, force[0].values) for force in groups.values()], end)
     axes.set(xlim=shown, ylabel=f"force ({unit})")
-    axes.legend()
 
 
 def _floors_text(floors: list[int]) -> str:

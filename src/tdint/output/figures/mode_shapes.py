@@ -19,12 +19,13 @@ from tdint.output.figures.style import (
     MARK,
     MARKERS,
     drift_scale,
-    is_narrow,
     line_style,
     mark_first_periods,
-    new_figure,
+    new_axes,
+    new_panels,
     over_stories,
     plain_numbers,
+    psa_label,
     scaled_unit,
     titled,
 )
@@ -52,8 +53,8 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
         Normalization of the shapes: `roof` (1 at the roof, the default), or `participation` (a
         participation factor of 1).
     """
-    figure = new_figure(5.4, 5.6)
-    draw_modes(figure.subplots(), modes, norm)
+    figure, axes = new_axes(5.4, 5.6)
+    draw_modes(axes, modes, norm)
     return titled(figure, name)
 
 
@@ -72,11 +73,6 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
     label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
     axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
-    if is_narrow():
-        # In one column of a page, no place inside the panel is free of lines.
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
-    else:
-        axes.legend(loc="best")
 
 
 class SpectrumAtModes(NamedTuple):
@@ -111,15 +107,9 @@ def mode_spectrum_picture(
         Spectrum in the upper panel; None for the masses only.
     """
     units = units.in_figures
-    figure = new_figure(8.0, 2.4 if spectrum is None else 4.0)
-    rows = figure.subplots(
-        1 if spectrum is None else 2,
-        1,
-        sharex=True,
-        squeeze=False,
-        height_ratios=(1.0,) if spectrum is None else (1.6, 1.0),
-    )[:, 0]
-    mass_axes = rows[-1]
+    heights = (2.4,) if spectrum is None else (2.4, 1.6)
+    figure, panels = new_panels(8.0, *((height, (1,)) for height in heights), share="x")
+    mass_axes = panels[-1][0]
     mass_axes.vlines(periods, 0.0, 100.0 * mass_ratio, color=COLORS[0], linewidth=1.6)
     mass_axes.plot(periods, 100.0 * mass_ratio, "o", color=COLORS[0], markersize=3.5)
     mass_axes.set(ylabel="effective modal\nmass (%)", ylim=(0.0, 115.0), xlabel="period (s)")
@@ -136,7 +126,7 @@ def mode_spectrum_picture(
             mass_axes.annotate(name, point, **position, fontsize=8.0, color=MARK)
             last_numbered = mode_period
     if spectrum is not None:
-        spectrum_axes = rows[0]
+        spectrum_axes = panels[0][0]
         spectrum_axes.plot(
             spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=spectrum.label, **line_style(0)
         )
@@ -145,10 +135,7 @@ def mode_spectrum_picture(
             periods, values, "o", color=MARK, markersize=4.0, label="modes", zorder=4
         )
         mark_first_periods(spectrum_axes, [("", float(periods[0]))])
-        spectrum_axes.set(
-            ylim=(0.0, None), ylabel=f"pseudo-acceleration\nPSA ({units.label('m/s^2')})"
-        )
-        spectrum_axes.legend(loc="best")
+        spectrum_axes.set(ylim=(0.0, None), ylabel=psa_label(units))
     return figure
 
 
@@ -159,8 +146,7 @@ _MIN_DISTANCE = 0.2  # minimum difference of ln period between numbered modes
 def transfer_picture(result: TransferFunction, units: OutputUnits = SI) -> Figure:
     """Plot amplitudes and phases over the frequency: of the attachments, and of floors, at most
     `_MAX_LINES` in total, but always of the roof."""
-    figure = new_figure(7.5, 5.6)
-    amplitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    figure, ((amplitude,), (phase,)) = new_panels(7.5, (3.7, (1,)), (1.9, (1,)), share="x")
     floors, devices = len(result.model.stories), len(result.model.attachments)
     # The roof is first, further floors are evenly spaced below it, and attachments follow.
     count = max(1, min(floors, _MAX_LINES - devices))
@@ -186,7 +172,6 @@ def transfer_picture(result: TransferFunction, units: OutputUnits = SI) -> Figur
     phase.set_xlim(result.frequency[0], result.frequency[-1])
     phase.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
     plain_numbers(phase.xaxis)
-    amplitude.legend(loc="best")
     return titled(figure, f"{result.model.name}\nTransfer functions, initial stiffness")
 
 
@@ -198,8 +183,7 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     """Plot the peaks of a response spectrum analysis over the height: drifts, shears and
     displacements, each by SRSS and by CQC.
     """
-    figure = new_figure(8.8, 4.6)
-    drift, shear, displacement = figure.subplots(1, 3)
+    figure, ((drift, shear, displacement),) = new_panels(8.8, (4.6, (1, 1, 1)))
     draw_modal_drifts(drift, result, units)
     factor, unit = scaled_unit(float(np.max(result.shear_srss)), "N", units)
     _over_height(
@@ -231,7 +215,6 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
     """
     scale, label = drift_scale(result.height, units)
     _over_height(axes, {"SRSS": result.drift_srss * scale, "CQC": result.drift_cqc * scale}, label)
-    axes.legend(loc="best")
 
 
 def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:

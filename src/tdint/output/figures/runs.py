@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array, max_absolute
 from tdint.ground_motion.record import Record
+from tdint.model.story import is_linear
 from tdint.number_parsing import table_number
 from tdint.output.figures.loads import active_interval, draw_loads
 from tdint.output.figures.style import (
@@ -22,15 +23,14 @@ from tdint.output.figures.style import (
     INK,
     LIGHT,
     MARK,
-    MAX_HEIGHT,
     ZERO,
     Style,
     changed,
     drift_scale,
-    is_narrow,
     line_style,
     motion_name,
-    new_figure,
+    new_axes,
+    new_panels,
     over_stories,
     scaled_unit,
     titled,
@@ -41,9 +41,9 @@ from tdint.response.runs.outcome import Response
 from tdint.units import SI, OutputUnits
 
 # Parts that would be too small to be visible are omitted from the figures.
-_MIN_COLLAPSE_FRACTION = 0.4
+_MIN_COLLAPSE_FRACTION = 0.8
 """Minimum peak drift, as a fraction of the collapse drift, of a figure with the collapse drift. For
-smaller drifts, the axis would have to be extended."""
+smaller drifts, the axis would have to be extended, which reduces the profile."""
 _MIN_ERROR = 0.002  # minimum estimated error that is shown, as a fraction of the maximum drift
 _MIN_BAND = 0.01
 """Minimum estimated error that is shown as a band, as a fraction of the maximum displacement."""
@@ -71,51 +71,43 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         Result of the run. Without a response history, only the quantities over the height are
         shown.
     """
-    units, history = units.in_figures, response.history
-    title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
+    units, history, model = units.in_figures, response.history, response.model
+    title = f"{model.name}\n{response.method}, dt {response.dt:.4g} s"
     if history is None:
-        figure = new_figure(7.0, 4.2)
-        draw_profiles(figure.subplots(1, 3), response, units)
+        figure, (profiles,) = new_panels(7.0, (4.2, (1, 1, 1)))
+        draw_profiles(profiles, response, units)
         return titled(figure, title)
-    narrow = is_narrow()
-    # The first row contains the ground motion or the forces; with both, there is another row.
-    has_loads = bool(response.model.excitation.tables)
-    more = int(response.record is not None and has_loads)
-    has_devices = history.devices is not None
-    # In a narrow figure, the devices and the profiles need two rows each.
-    height = (13.0 if narrow else 9.4) + 1.3 * more + (4.0 if narrow else 2.0) * has_devices
-    height = height if narrow else min(height, MAX_HEIGHT)
-    figure = new_figure(8.0, height)
-    devices = (3.6 if narrow else 1.9,) * has_devices
-    ratios = (*(1.2,) * (1 + more), 1.5, 1.7, *devices, 4.8 if narrow else 3.4)
-    grid = figure.add_gridspec(len(ratios), 1, height_ratios=ratios)
-    upper: list[Any] = []
+    # The first rows contain the ground motion and the forces.
+    has_loads = bool(model.excitation.tables)
+    upper_count = (response.record is not None) + has_loads
+    rows: list[tuple[float, tuple[int, ...]]] = [(1.25, (1,))] * upper_count
+    rows += [(1.5 if upper_count else 2.7, (1,)), (1.7, (1,))]
+    if history.devices is not None:
+        rows.append((1.9, (1,) * (bool(model.attachments) + bool(model.links))))
+    # The loop of a linear law is a straight line.
+    has_loop = model.matrices is not None or not all(map(is_linear, model.stories))
+    figure, panels = new_panels(8.0, *rows, (3.4, (5, 4, 4, 7) if has_loop else (1, 1, 1)))
+    upper = [axes for (axes,) in panels[:upper_count]]
+    (roof,), (energies,) = panels[upper_count : upper_count + 2]
     if response.record is not None:
-        upper.append(figure.add_subplot(grid[0]))
         _draw_ground(upper[0], response.record, history.time[-1], units)
     if has_loads:
-        upper.append(figure.add_subplot(grid[more]))
-        draw_loads(upper[-1], response.model.excitation, history.time[-1], units)
-    roof = figure.add_subplot(grid[1 + more] if upper else grid[:2])
+        draw_loads(upper[-1], model.excitation, history.time[-1], units)
     for panel in upper:
         # A short pulse has a separate time axis.
         if panel.get_xlim() == (0.0, history.time[-1]):
             panel.sharex(roof)
             panel.tick_params(labelbottom=False)
     _draw_roof(roof, response, history, units)
-    energies = figure.add_subplot(grid[-3 if has_devices else -2], sharex=roof)
+    energies.sharex(roof)
     _draw_energies(energies, response, history, units)
     if history.devices is not None:
-        _draw_devices(figure, grid[-2], response, history, units)
-    if narrow:
-        lower_grid = grid[-1].subgridspec(2, 2)
-    else:
-        lower_grid = grid[-1].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
-    draw_profiles([figure.add_subplot(lower_grid[i]) for i in range(3)], response, units)
-    story, reason = loop_story(response, units)
-    loop = figure.add_subplot(lower_grid[3])
-    _draw_loop(loop, response, history, story, units)
-    loop.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
+        _draw_devices(panels[-2], response, history, units)
+    draw_profiles(panels[-1][:3], response, units)
+    for loop in panels[-1][3:]:
+        story, reason = loop_story(response, units)
+        _draw_loop(loop, response, history, story, units)
+        loop.set_title(f"Story {story + 1}, {reason}", fontsize=8.5)
     _mark_events([*upper, roof], response)
     if response.record is not None and response.record.pga > 0.0:
         _show_strong_motion(roof, energies, response.record, history)
@@ -139,9 +131,7 @@ def _show_strong_motion(roof: Any, energies: Any, record: Record, history: Histo
     if last - first < _MAX_STRONG * (end - start):
         margin = 0.02 * (last - first)
         roof.set_xlim(max(first - margin, start), min(last + margin, end))
-        energies.set_xlabel(
-            f"time (s), from the first to the last value of {100.0 * _STRONG:g} % of a peak"
-        )
+        energies.set_xlabel("time (s), strong motion only")
 
 
 _STRONG, _MAX_STRONG = 0.05, 0.8
@@ -231,8 +221,6 @@ def _draw_roof(axes: Any, response: Response, history: History, units: OutputUni
         at_collapse = np.interp(collapse.time, history.time, roof)
         mark = {"color": MARK, "markersize": 7, "linestyle": "none", "zorder": 4}
         axes.plot(collapse.time, at_collapse, "x", label="collapse", clip_on=False, **mark)
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend()
     axes.set(ylabel=f"roof displacement\n({unit})", xlim=(history.time[0], history.time[-1]))
     axes.tick_params(labelbottom=False)
     _mark_peak(axes, history.time, roof, units.of(peak, "m"), unit)
@@ -246,7 +234,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     total_input = response.energy.initial + energy.input
     factor, unit = scaled_unit(max_absolute(total_input), "J", units)
     layers = (
-        (energy.hysteretic, "dissipated by stories", "0.35", None),
+        (energy.hysteretic, "hysteretic", "0.35", None),
         (energy.viscous, "damping", "0.62", None),
         (energy.dampers, "dashpots", "0.74", "...."),
         (energy.strain, "stored", "0.85", None),
@@ -279,10 +267,10 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
 
 
 def _draw_devices(
-    figure: Figure, cell: Any, response: Response, history: History, units: OutputUnits
+    panels: Sequence[Any], response: Response, history: History, units: OutputUnits
 ) -> None:
     """Plot the strokes of attachments over time, and the forces of links (spring and dashpot) over
-    their deformations, side by side in a cell of the grid.
+    their deformations, in one panel each.
 
     Of many attachments or links, only the devices with the largest values are shown.
     """
@@ -290,19 +278,16 @@ def _draw_devices(
     assert devices is not None and peaks is not None
     count, names = len(model.attachments), [item.name for item in model.devices]
     deformation, unit = units.of(devices.drift, "m"), units.label("m")
-    count_panels = bool(model.attachments) + bool(model.links)
-    shape = (count_panels, 1) if is_narrow() else (1, count_panels)
-    panels = iter(cell.subgridspec(*shape))
     if model.attachments:
-        axes = figure.add_subplot(next(panels))
+        axes = panels[0]
         strokes = peaks.stories.peak_drift[:count]
         for number, i in enumerate(np.argsort(-strokes)[:_MAX_DEVICES].tolist()):
-            label = f"{names[i]}, peak {_short(units.of(float(strokes[i]), 'm'))} {unit}"
+            label = f"{names[i]}, {_short(units.of(float(strokes[i]), 'm'))} {unit}"
             _draw_line(axes, history.time, deformation[:, i], number, label)
         axes.set(xlabel="time (s)", ylabel=f"stroke ({unit})")
         axes.set_xlim(history.time[0], history.time[-1])
     if model.links:
-        axes = figure.add_subplot(next(panels))
+        axes = panels[-1]
         forces = devices.shear + devices.damper_force
         largest = np.abs(forces[:, count:]).max(axis=0)
         factor, force_unit = scaled_unit(float(largest.max()), "N", units)
@@ -316,10 +301,8 @@ def _draw_devices(
 
 
 def _draw_line(axes: Any, x: Array, y: Array, number: int, label: str) -> None:
-    """Plot the line of an attachment or link, and update the legend above the panel."""
-    color = COLORS[number % len(COLORS)]
-    axes.plot(x, y, color=color, linewidth=0.8, label=label, zorder=3 - 0.1 * number)
-    axes.legend()
+    """Plot the line of an attachment or link."""
+    axes.plot(x, y, linewidth=0.8, label=label, zorder=3 - 0.1 * number, **line_style(number))
 
 
 def _short(value: float) -> str:
@@ -359,8 +342,8 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
     """
     history, units = response.history, units.in_figures
     assert history is not None
-    figure = new_figure(8.0, 3.4)
-    _draw_loop(figure.add_subplot(), response, history, story - 1, units)
+    figure, axes = new_axes(8.0, 3.4)
+    _draw_loop(axes, response, history, story - 1, units)
     drift = units.text(float(response.stories.peak_drift[story - 1]), "m")
     return titled(figure, f"{response.model.name}: story {story}, maximum drift {drift}")
 
@@ -368,26 +351,34 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
 def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
     """Select the story of the hysteresis loop in the figure of a run.
 
-    It is the story with the maximum ductility. If no law has a yield drift, it is the story with
-    the maximum drift ratio or, if no story has a height, with the maximum drift.
+    It is the isolator with the maximum drift, or the story with the maximum ductility. If no law
+    has a yield drift, it is the story with the maximum drift ratio or, if no story has a height,
+    with the maximum drift.
 
     Returns
     -------
     story : int
         Index of the story, from 0.
     reason : str
-        Reason for the selection, such as "maximum ductility, 3.2".
+        Reason for the selection, such as "ductility 3.2".
     """
     stories = response.stories
     story, reason = 0, "no drift"
+    isolators = [story.isolator for story in response.model.stories]
     for values, name, factor, unit in (
-        (stories.ductility, "maximum ductility", 1.0, ""),
-        (stories.peak_drift_ratio, "maximum drift", 100.0, " %"),
-        (units.of(stories.peak_drift, "m"), "maximum drift", 1.0, f" {units.label('m')}"),
+        (
+            units.of(np.where(isolators, stories.peak_drift, math.nan), "m"),
+            "isolator",
+            1.0,
+            f" {units.label('m')}",
+        ),
+        (stories.ductility, "ductility", 1.0, ""),
+        (stories.peak_drift_ratio, "drift", 100.0, " %"),
+        (units.of(stories.peak_drift, "m"), "drift", 1.0, f" {units.label('m')}"),
     ):
         if np.any(np.isfinite(values)):
             story = int(np.nanargmax(values))
-            reason = f"{name}, {factor * values[story]:.3g}{unit}"
+            reason = f"{name} {factor * values[story]:.3g}{unit}"
             break
     return story, reason
 
@@ -407,8 +398,14 @@ def _draw_loop(
         # their drifts show this curve; in the order of time, long lines would connect them.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
-    factor, unit = scaled_unit(max_absolute(shear), "N", units)
-    axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
+    factor, unit = scaled_unit(max_absolute(history.shear), "N", units)
+    axes.plot(drift, shear * factor, color=INK, linewidth=0.8, zorder=3)
+    # The loops of all other stories are behind the loop of this story.
+    others = np.arange(stories.ductility.size) != story
+    if others.any():
+        behind: Style = {"color": LIGHT, "linewidth": 0.3, "zorder": -1}
+        x, y = units.of(history.drift[:, others], "m"), factor * history.shear[:, others]
+        axes.plot(x, y, **behind)[0].set_label("other stories")
     # The forces of the elements of the story are plotted below its loop.
     elements, element_force = response.elements, history.element_force
     if elements is not None and element_force is not None:
@@ -422,8 +419,6 @@ def _draw_loop(
                 zorder=0,
                 label=elements.element[column],
             )
-        if axes.get_legend_handles_labels()[1]:
-            axes.legend()
     axes.axhline(0.0, **ZERO)
     axes.axvline(0.0, **ZERO)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
@@ -481,8 +476,8 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     # dashpots also their forces.
     lines = []
     if response.model.has_dashpots or response.model.has_p_delta:
-        forces = response.model.forces_of_total_shear.replace(" and ", " and\n")
-        lines.append((stories.peak_total_shear, DASHES[1], f"with {forces}"))
+        label = f"with {response.model.forces_of_total_shear}"
+        lines.append((stories.peak_total_shear, DASHES[1], label))
     if np.any(stories.peak_damper_force):
         lines.append((stories.peak_damper_force, DASHES[2], "dashpots"))
     largest = max(
@@ -495,8 +490,6 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
         over_stories(
             shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label
         )
-    if lines:
-        shears.legend()
     shears.set_xlabel(f"story shear ({unit})")
     for axes in panels:
         _frame_profile(axes, response)
@@ -569,8 +562,6 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
         _draw_separate_story(axes, int(index), drifts[index], end, units)
     if is_separate.any():
         axes.set_xlim(right=end)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend()
     axes.set_xlabel("drift (% of height)" if in_percent else f"drift ({units.label('m')})")
 
 
@@ -620,14 +611,13 @@ def plan_picture(response: Response, units: OutputUnits = SI) -> Figure:
         Result of a run in two directions with its histories.
     """
     units = units.in_figures
-    figure = new_figure(8.0, 4.6)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.3))
+    figure, ((path, drifts), (roofs,)) = new_panels(8.0, (3.4, (1, 1)), (1.6, (1,)))
     stories = response.stories
     ratios = stories.peak_drift_ratio
     story = int(np.argmax(stories.peak_drift if np.isnan(ratios).any() else ratios))
-    _draw_path(figure.add_subplot(grid[:, 0]), response, story, units)
-    _draw_two_roofs(figure.add_subplot(grid[0, 1]), response, units)
-    _draw_two_drifts(figure.add_subplot(grid[1, 1]), response, units)
+    _draw_path(path, response, story, units)
+    _draw_two_roofs(roofs, response, units)
+    _draw_two_drifts(drifts, response, units)
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if response.record is not None:
         title += f", {motion_name(response.record)}"
@@ -675,7 +665,6 @@ def _draw_two_roofs(axes: Any, response: Response, units: OutputUnits) -> None:
         roof = units.of(history.displacement[:, -1], "m")
         axes.plot(history.time, roof, label="xy"[number], **_line(number))
     axes.set(xlabel="time (s)", ylabel=f"roof displacement\n({units.label('m')})")
-    axes.legend()
 
 
 def _draw_two_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
@@ -684,12 +673,12 @@ def _draw_two_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     for number, part in enumerate(response.directions):
         over_stories(axes, scale * part.stories.peak_drift, label="xy"[number], **_line(number))
     drift = scale * response.stories.peak_drift
-    over_stories(axes, drift, label="resultant", color=MARK, linewidth=1.4)
+    style = {"color": MARK, "linewidth": 1.4, "linestyle": DASHES[1]}
+    over_stories(axes, drift, label="resultant", **style)
     axes.set(xlabel=label, ylabel="story", ylim=(0.5, drift.size + 0.5), xlim=(0.0, None))
     axes.yaxis.get_major_locator().set_params(integer=True)
-    axes.legend()
 
 
 def _line(number: int) -> Style:
     """Return the style of the line of a direction."""
-    return {"color": COLORS[number], "linewidth": 1.0, "linestyle": ("-", "--")[number]}
+    return line_style(number, 2 * number) | {"linewidth": 1.0}

@@ -33,9 +33,10 @@ from tdint.output.figures.style import (
     mark_first_periods,
     motion_name,
     new_axes,
-    new_figure,
+    new_panels,
     plain_minor_numbers,
     plain_numbers,
+    psa_label,
     record_name,
     record_names,
     titled,
@@ -91,18 +92,15 @@ def draw_over_periods(
     variants = [result.damping for result in results] if variants is None else variants
     suite = is_suite(results)
     titles = list(dict.fromkeys(columns)) if columns is not None and not suite else [""]
-    figure = new_figure(7.5 if len(titles) == 1 else 8.5, 7.8)
-    rows = figure.subplots(
-        len(panels),
-        len(titles),
-        sharex=True,
-        sharey="row",
-        squeeze=False,
-        height_ratios=(1.25, 1.0),
+    # With several columns, the components of a quantity have a common axis.
+    heights = (4.3, 3.5)
+    rows: list[Any]
+    figure, rows = new_panels(
+        7.5, *((height, (1,) * len(titles)) for height in heights), share="xy"
     )
     lines: dict[str, Any] = {}
     if suite:
-        lines = _draw_suite(rows[:, 0], results, panels, variants)
+        lines = _draw_suite([row[0] for row in rows], results, panels, variants)
     else:
         # Lines are distinguishable without color: dashes differ by component, or by variant if
         # there are several variants.
@@ -124,20 +122,30 @@ def draw_over_periods(
             style = line_style(color, dash)
             if periods.size < _MIN_UNMARKED_PERIODS:
                 style |= {"marker": "o", "markersize": 4}
-            for axes, (_, values) in zip(rows[:, titles.index(title)], panels, strict=True):
-                (lines[label],) = axes.plot(periods, values(result)[indices], **style)
-    for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
-        axes.set(ylabel=label, ylim=(0.0, None))
+            for axes, (_, values) in zip(rows, panels, strict=True):
+                (lines[label],) = axes[titles.index(title)].plot(
+                    periods, values(result)[indices], **style
+                )
+    for row, (label, _) in zip(rows, panels, strict=True):
+        row[0].set(ylabel=label, ylim=(0.0, None))
     for axes, title in zip(rows[0], titles, strict=True):
         axes.set_title(title, parse_math=False)
     for axes in rows[-1]:
         axes.set_xlabel("period (s)")
-    log_periods(rows[-1, 0], np.concatenate([result.periods for result in results]))
-    for axes in rows.flat:
-        axes.grid(which="minor", axis="x", color=_MINOR_GRID, linewidth=0.5)
+    log_periods(rows[-1][0], np.concatenate([result.periods for result in results]))
+    for panel in figure.axes:
+        panel.grid(which="minor", axis="x", color=_MINOR_GRID, linewidth=0.5)
     # A single line has no legend, because the title contains its name.
-    add_legend(figure, list(lines.values()), list(lines))
+    add_legend(figure, list(lines.values()), _distinct(list(lines)))
     return figure
+
+
+def _distinct(labels: Sequence[str]) -> list[str]:
+    """Return labels without the parts that are equal in all labels, such as the component."""
+    parts = [label.split(", ") for label in labels]
+    while min(map(len, parts)) > 1 and len({first for first, *_ in parts}) == 1:
+        parts = [others for _, *others in parts]
+    return [", ".join(others) for others in parts]
 
 
 def _motions(results: Sequence[Any]) -> list[tuple[str, str]]:
@@ -172,19 +180,25 @@ def _draw_suite(
     periods = results[0].periods[indices]
     distinct_variants = list(dict.fromkeys(variants))
     lines: dict[str, Any] = {}
-    is_in_median = in_median(results)
-    horizontals = "" if all(is_in_median) else " of horizontals"
+    is_in_median = np.array(in_median(results))
+    # Lines that the median omits are dotted.
+    omitted = "" if is_in_median.all() else " without verticals"
+    groups = (is_in_median, "-", "components"), (~is_in_median, ":", "vertical components")
+    motions = np.array([" ".join(motion) for motion in _motions(results)])
     for axes, (_, values) in zip(column, panels, strict=True):
         rows = np.array([values(result)[indices] for result in results])
-        gray = axes.plot(periods, rows.T, color=GRAY, linewidth=0.6, zorder=1.5)[0]
-        lines.setdefault(f"{len(set(_motions(results)))} components", gray)
+        for group, dashes, noun in groups:
+            if group.any():
+                style = {"color": GRAY, "linewidth": 0.8, "linestyle": dashes, "zorder": 1.5}
+                label = f"{len(set(motions[group]))} {noun}"
+                lines.setdefault(label, axes.plot(periods, rows[group].T, **style)[0])
         for i, variant in enumerate(distinct_variants):
             is_variant = np.array([other == variant for other in variants])
-            selected = rows[is_variant & np.array(is_in_median)]
+            selected = rows[is_variant & is_in_median]
             color = COLORS[i % len(COLORS)]
             name = f", {_variant_text(variant)}" if len(distinct_variants) > 1 else ""
             median = draw_median(axes, periods, selected, color)
-            lines.setdefault(f"median{horizontals}{name}", median)
+            lines.setdefault(f"median{omitted}{name}", median)
             fractiles = draw_fractiles(axes, periods, selected, color)
             lines.setdefault(f"{BETWEEN_FRACTILES}{name}", fractiles)
     return lines
@@ -262,10 +276,10 @@ def over_periods_title(single_title: str, several: str, results: Sequence[Any], 
     subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
     subject += changed(result.record for result in results)
     damping = ", ".join(f"{100.0 * ratio:g} %" for ratio in ratios)
-    if len(results) == 1:
+    if len(set(_motions(results))) == 1:
         subject = motion_name(results[0].record) + changed([results[0].record])
-        return f"{single_title} of {subject}\n{damping} damping, {more}"
-    return f"{several} of {subject}\n{damping} damping, {more}"
+    title = single_title if len(results) == 1 else several
+    return f"{title} of {subject}\n{damping} damping, {more}"
 
 
 _Curve = tuple["Spectrum", str, Style]
@@ -306,17 +320,6 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str]) -> list[_Curve]:
     return curves
 
 
-def _add_curve_legend(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
-    """Add the legend of the curves to a figure. The curves must be the first lines of the axes, in
-    the same order; curves without a label are omitted."""
-    handles, labels = [], []
-    for line, (_, label, _) in zip(axes.get_lines(), curves, strict=False):
-        if label:
-            handles.append(line)
-            labels.append(label)
-    add_legend(figure, handles, labels)
-
-
 def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
     """Return the indices of periods with a point on logarithmic axes, by increasing period.
 
@@ -335,9 +338,10 @@ def draw_tripartite(
     """
     figure, axes = new_axes(7.5, 6.2)
     curves = _curves(spectra, labels)
-    for curve, _, style in curves:
+    for curve, label, style in curves:
         indices = _positive(curve)
-        axes.plot(curve.periods[indices], units.of(curve.psv[indices], "m/s"), **style)
+        psv = units.of(curve.psv[indices], "m/s")
+        axes.plot(curve.periods[indices], psv, label=label, **style)
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
     axes.set(xlabel="period (s)", ylabel=f"pseudo-velocity PSV ({units.label('m/s')})")
     values = units.of(np.concatenate([curve.psv[_positive(curve)] for curve, *_ in curves]), "m/s")
@@ -365,20 +369,6 @@ def draw_tripartite(
                 _label_scale(axes, ends, value * unit_line, f"{value:g} {unit}", (bottom, top))
         axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.grid(which="minor", color="0.95", linewidth=0.5)
-    _add_curve_legend(figure, axes, curves)
-    # The labels of the scales are parallel to their lines. All lines have the same slope on the
-    # page, which is known only after the layout.
-    if axes.get_yscale() == "log" and axes.get_xscale() == "log":
-        figure.draw_without_rendering()
-        extent = axes.get_window_extent()
-        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        # A factor of e on an axis has this height and this width, pixels.
-        unit_height = extent.height / math.log(top / bottom)
-        unit_width = extent.width / math.log(right / left)
-        slope = math.degrees(math.atan2(unit_height, unit_width))
-        for text in axes.texts:
-            # matplotlib returns a negative rotation as an angle above 180 degrees.
-            text.set_rotation(-slope if text.get_rotation() > 180.0 else slope)
     return figure
 
 
@@ -408,11 +398,14 @@ def _label_scale(
         return
     if not bottom + 0.04 * height < position[1] < bottom + (_LABEL_RANGE + 0.05) * height:
         return
+    abscissa, ordinate = np.exp(position).tolist()
     axes.text(
-        math.exp(position[0]),
-        math.exp(position[1]),
+        abscissa,
+        ordinate,
         text,
-        rotation=45.0 if y[1] > y[0] else -45.0,
+        # The label is parallel to its line, whose direction on these axes is (x, y) or (x, -y).
+        rotation=math.degrees(math.atan2(math.copysign(ordinate, y[1] - y[0]), abscissa)),
+        transform_rotates_text=True,
         ha="center",
         va="center",
         fontsize=7.5,
@@ -427,13 +420,14 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
     """Plot pseudo-acceleration over displacement (ADRS); rays from the origin mark periods."""
     figure, axes = new_axes(7.0, 6.4)
     curves = _curves(spectra, labels)
-    for curve, _, style in curves:
+    for curve, label, style in curves:
         order = np.argsort(curve.periods, kind="stable")
         values = units.of(curve.sd[order], "m"), units.of(curve.psa[order], "m/s^2")
-        axes.plot(*values, **style)
+        axes.plot(*values, label=label, **style)
     axes.set(xlim=(0.0, None), ylim=(0.0, None))
     axes.margins(0.05)
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
+    last = -right  # abscissa of the last label
     for period in _PERIODS:
         # The slope of a ray is the pseudo-acceleration of a unit displacement, omega^2.
         slope = units.of(units.unit("m")[1] * (2.0 * math.pi / period) ** 2, "m/s^2")
@@ -444,6 +438,9 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
             offset, horizontal, vertical = (2, 0), "left", "center"
         else:
             offset, horizontal, vertical = (0, 2), "center", "bottom"
+        if end < right and end - last < _MIN_DISTANCE * right:
+            continue
+        last = end
         axes.annotate(
             f"{period:g} s",
             (end, slope * end),
@@ -456,8 +453,7 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
             annotation_clip=False,
         )
     axes.set(xlim=(0.0, right), ylim=(0.0, top), xlabel=f"displacement SD ({units.label('m')})")
-    axes.set_ylabel(f"pseudo-acceleration PSA ({units.label('m/s^2')})")
-    _add_curve_legend(figure, axes, curves)
+    axes.set_ylabel(psa_label(units))
     return figure
 
 
@@ -499,7 +495,7 @@ def spectrum_picture(
         Target spectrum, plotted if `axes` is `periods`.
     """
     units = units.in_figures
-    figure = DRAWN[axes](spectra, line_labels(spectra), units)
+    figure = DRAWN[axes](spectra, _distinct(line_labels(spectra)), units)
     if target is not None:
         _add_target(figure, target, units)
     # The title states settings that differ from the defaults; only the exact solution has settings.
@@ -533,7 +529,6 @@ def low_picture(
             line.set_label(label)
         axes.set(ylim=(0.0, None), xlabel="period (s)", ylabel=panel[0])
         log_periods(axes, spectra[0].periods)
-        axes.legend(loc="best")
     else:
         draw_accelerations(axes, spectra, units)
     if len(spectra) >= _MIN_MEAN:
@@ -541,19 +536,10 @@ def low_picture(
         style = {"color": INK, "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 4}
         axes.plot(spectra[0].periods, mean, label="mean", **style)
     mark_first_periods(axes, periods)
-    axes.legend(loc="best")
-    # A legend with many entries is moved below the panel, because it would cover curves.
-    handles, names = axes.get_legend_handles_labels()
-    if len(names) > _MAX_INSIDE and (legend := axes.get_legend()):
-        legend.remove()
-        add_legend(figure, handles, names)
     return figure
 
 
 _MIN_MEAN = 3  # minimum number of spectra for their mean
-
-_MAX_INSIDE = 5
-"""Maximum number of entries of a legend inside a panel with spectra."""
 
 
 def _elastic_panels(units: OutputUnits) -> list[Panel]:
@@ -563,10 +549,7 @@ def _elastic_panels(units: OutputUnits) -> list[Panel]:
     in the unit of the label.
     """
     return [
-        (
-            f"pseudo-acceleration PSA ({units.label('m/s^2')})",
-            lambda line: units.of(line.psa, "m/s^2"),
-        ),
+        (psa_label(units), lambda line: units.of(line.psa, "m/s^2")),
         (f"displacement SD ({units.label('m')})", lambda line: units.of(line.sd, "m")),
     ]
 
@@ -583,13 +566,7 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
             spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **line_style(number)
         )
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
-    axes.set(
-        ylim=(0.0, None),
-        xlabel="period (s)",
-        ylabel=f"pseudo-acceleration PSA ({units.label('m/s^2')})",
-    )
-    if len(axes.get_lines()) > 1:
-        axes.legend(loc="best")
+    axes.set(ylim=(0.0, None), xlabel="period (s)", ylabel=psa_label(units))
 
 
 DRAWN: dict[str, Callable[..., Figure]] = {
@@ -798,7 +775,6 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
     for line in {id(line.published): line for line in lines}.values():
         upper.plot(line.periods, units.of(line.expected, si), "o", **_POINTS, zorder=3)
     upper.plot([], [], "o", **_POINTS, label="published")
-    upper.legend(loc="best")
     lower.autoscale(axis="y")
     lower.axhline(0.0, color=LIGHT, linewidth=0.8, zorder=1.5)
     title = over_periods_title(
@@ -813,10 +789,9 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
 def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
     """Plot a target spectrum: pseudo-acceleration and displacement over the period."""
     units = units.in_figures
-    figure = new_figure(7.5, 7.2)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
+    figure, ((upper,), (lower,)) = new_panels(7.5, (4.0, (1,)), (3.2, (1,)), share="x")
     _add_target(figure, target, units, legend=False)
-    upper.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
+    upper.set_ylabel(psa_label(units))
     lower.set(ylabel=f"displacement SD ({units.label('m')})", xlabel="period (s)")
     log_periods(lower, target.periods)
     for axes in (upper, lower):
@@ -840,7 +815,8 @@ def _add_target(
     upper, lower = figure.axes[:2]
     low, high = upper.get_xlim()
     psa, sd = units.of(target.psa, "m/s^2"), units.of(target.sd, "m")
-    upper.plot(target.periods, psa, label=f"target {_target_name(target)}", **_TARGET)
+    label = f"target {_target_name(target)}" if legend else ""
+    upper.plot(target.periods, psa, label=label, **_TARGET)
     lower.plot(target.periods, sd, **_TARGET)
     if not legend:
         return
@@ -849,4 +825,3 @@ def _add_target(
     for axes, values in ((upper, psa), (lower, sd)):
         if np.any(shown):
             axes.set_ylim(top=max(axes.get_ylim()[1], 1.05 * float(np.max(values[shown]))))
-    upper.legend(loc="upper right")

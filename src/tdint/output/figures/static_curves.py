@@ -1,5 +1,5 @@
 """Figures of comparisons with recordings, of buildings without ground motion (cyclic tests,
-pushovers), of records, and of performance profiles of methods."""
+pushovers)and of records."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
+    INK,
     LIGHT,
     MARK,
     MARKERS,
@@ -25,13 +26,13 @@ from tdint.output.figures.style import (
     add_ratio_axis,
     changed,
     drift_scale,
-    is_narrow,
     line_style,
     motion_name,
     new_axes,
-    new_figure,
+    new_panels,
     over_stories,
     plain_numbers,
+    psa_label,
     record_name,
     record_names,
     scaled_unit,
@@ -49,11 +50,11 @@ if TYPE_CHECKING:
     from tdint.response.static.pushover import Pushover
     from tdint.response.static.target_displacement import TargetDisplacement
 
-RECORDED, COMPUTED = LIGHT, MARK
-MAX_ROWS, WORST_ROWS = 6, 4
+RECORDED, COMPUTED = LIGHT, INK
+MAX_ROWS, WORST_ROWS = 4, 3
 """Maximum number of floors with one row of panels per floor, and the number of rows if there are
-more floors. These are then the floors with the lowest correlation; a fifth row would not fit on a
-page with the overview of all floors."""
+more floors. These are then the floors with the lowest correlation. In a column of a page, a row has
+two lines, so that a fifth row would not fit on the page."""
 
 
 # ---- Figures of buildings without ground motion: cyclic tests and pushovers
@@ -67,8 +68,7 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     units : OutputUnits
         Units of drifts, shears and energies; SI by default.
     """
-    figure = new_figure(6.5, 7.6)
-    loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
+    figure, ((loop,), (energy,)) = new_panels(6.5, (5.4, (1,)), (2.2, (1,)))
     draw_loop(loop, test, units)
     # Each cycle has four quarters with `points` points. A path of drifts has no cycles, so that the
     # axis counts its steps.
@@ -84,7 +84,6 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
         linestyle=DASHES[1],
         label="recoverable",
     )
-    energy.legend(loc="upper left")
     energy.set(xlim=(0.0, max(cycle[-1], 1.0)), ylim=(min(0.0, energy.get_ylim()[0]), None))
     energy.set(xlabel="cycle" if test.points else "step", ylabel=f"energy ({unit})")
     energy.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
@@ -118,8 +117,6 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
         style = {"color": LIGHT, "linestyle": DASHES[2], "linewidth": 1.0}
         axes.axvline(yielding, label=label, **style)
         axes.axvline(-yielding, **style)
-    if len(axes.get_legend_handles_labels()[0]) > 1:
-        axes.legend(loc="upper left")
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     add_ratio_axis(axes, units.of(test.height, "m"), "drift ratio (%)")
@@ -133,11 +130,7 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
     units : OutputUnits
         Units of displacements and forces; SI by default.
     """
-    narrow = is_narrow()
-    figure = new_figure(8.4, 9.2 if narrow else 4.6)
-    curve, profile = (
-        figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
-    )
+    figure, ((curve, profile),) = new_panels(8.4, (4.6, (5, 3)))
     draw_curve(curve, result, units)
     drifts = [
         (result.drift_at_largest, DASHES[1], COLORS[0], "at the maximum applied force"),
@@ -168,7 +161,6 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
         color=COLORS[0],
         label=f"maximum applied force {maximum:.4g} {unit}",
     )
-    axes.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     axes.set(
         xlim=(0.0, np.max(roof)),
         xlabel=f"roof displacement ({units.label('m')})",
@@ -199,8 +191,11 @@ def run_and_pushover_picture(history: History, pushed: Pushover, units: OutputUn
     axes.axhline(0.0, **ZERO)
     axes.axvline(0.0, **ZERO)
     axes.set(xlabel=label, ylabel=f"base shear ({unit})")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
     return figure
+
+
+_TARGET_METHODS = {"n2": "EN 1998-1 (N2)", "coefficients": "ASCE 41 (coefficients)"}
+"""Names of the methods of target displacements in legends."""
 
 
 def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = SI) -> Figure:
@@ -216,16 +211,12 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     units : OutputUnits
         Units of displacements, forces and accelerations; SI by default.
     """
-    pushed = results[0].pushed
-    narrow = is_narrow()
-    figure = new_figure(8.6, 11.0 if narrow else 3.2)
-    curve, adrs, profile = (
-        figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
-    )
+    pushed, units = results[0].pushed, units.in_figures
+    figure, ((curve, adrs, profile),) = new_panels(8.6, (4.0, (3, 3, 2)))
     draw_curve(curve, pushed, units)
     factor, _ = scaled_unit(max_absolute(pushed.applied_force), "N", units)
     for i, result in enumerate(results):
-        plot_style = line_style(i + 1) | {"label": result.method}
+        plot_style = line_style(i + 1) | {"label": _TARGET_METHODS[result.method]}
         corners = [0.0, result.yield_displacement, result.roof_displacement]
         # The idealized curve of the N2 method is horizontal after yield.
         end_force = result.yield_force if result.method == "n2" else result.applied_force
@@ -239,12 +230,11 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
             MARKERS[i],
             color=COLORS[i + 1],
         )
-    curve.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     n2 = next(result for result in results if result.method == "n2")
     _draw_oscillator(adrs, n2, units)
     # Different dashes, because two methods often result in the same drifts.
     drifts = [
-        (result.drift, DASHES[i % len(DASHES)], COLORS[i], result.method)
+        (result.drift, DASHES[i % len(DASHES)], COLORS[i], _TARGET_METHODS[result.method])
         for i, result in enumerate(results, start=1)
     ]
     _draw_profile(profile, pushed, units, drifts)
@@ -266,9 +256,18 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
     target, pushed = result.target, result.pushed
     displacement = pushed.roof_displacement / result.participation
     acceleration = pushed.applied_force / result.participation / result.mass
-    axes.plot(
-        units.of(target.sd, "m"), units.of(target.psa, "m/s^2"), color=LIGHT, label="elastic demand"
-    )
+    # Beyond the largest displacement, the demand of long periods would look like another line.
+    shown = slice(int(np.argmax(target.sd)) + 1)
+    periods, sd = target.periods[shown], units.of(target.sd[shown], "m")
+    psa = units.of(target.psa[shown], "m/s^2")
+    axes.plot(sd, psa, color=LIGHT, label="elastic demand")
+    # The inelastic demand of a ductility follows from the rule of the method: the displacement
+    # ratio of annex B is ductility / reduction.
+    ductility = max(result.roof_displacement / result.yield_displacement, 1.0)
+    short = np.where(periods < target.corner, periods / target.corner, 1.0)
+    reduction = 1.0 + (ductility - 1.0) * short
+    style = {"color": LIGHT, "linestyle": DASHES[3], "label": f"ductility {ductility:.3g}"}
+    axes.plot(sd * ductility / reduction, psa / reduction, **style)
     axes.plot(
         units.of(displacement, "m"),
         units.of(acceleration, "m/s^2"),
@@ -299,14 +298,11 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
         color=COLORS[1],
         label="target displacement",
     )
-    axes.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     # The axis ends before the long periods of the demand, which are far to the right of the target
     # displacement.
     axis_end = 1.6 * max(target_displacement, elastic)
     axes.set(xlim=(0.0, units.of(axis_end, "m")), ylim=(0.0, None))
-    axes.set(
-        xlabel=f"displacement ({units.label('m')})", ylabel=f"acceleration ({units.label('m/s^2')})"
-    )
+    axes.set(xlabel=f"displacement SD ({units.label('m')})", ylabel=psa_label(units))
 
 
 def _draw_profile(
@@ -319,7 +315,6 @@ def _draw_profile(
     for drift, dashes, color, label in drifts:
         over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=color, label=label)
     axes.axvline(0.0, **ZERO)
-    axes.legend(loc="best")
     axes.yaxis.get_major_locator().set_params(integer=True)
     axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=axis_label)
 
@@ -340,26 +335,40 @@ MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 
 
 def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure:
-    """Plot acceleration, velocity, displacement and Arias intensity of records over the time.
+    """Plot acceleration, velocity, displacement and Arias intensity of a record over the time, or
+    the accelerations of several records with their Arias intensities in one panel.
 
-    Each record has a column; only the first `MOST_RECORDS` records are plotted.
+    Only the first `MOST_RECORDS` records are plotted.
 
     Parameters
     ----------
     infos : sequence of RecordInfo
         Records with their intensity measures; at least one.
     """
-    infos = infos[:MOST_RECORDS]
-    units = units.in_figures
-    figure = new_figure(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5)
-    grid = figure.subplots(4, len(infos), sharex="col", sharey="row", squeeze=False)
-    for column, info in zip(grid.T, infos, strict=True):
-        _draw_record(column, info, units)
-    for axes, (name, si) in zip(grid[:, 0], MOTION.items(), strict=False):
-        axes.set_ylabel(f"{name} ({units.label(si)})")
-    grid[-1, 0].set_ylabel("Arias intensity (%)")
+    shown, units = infos[:MOST_RECORDS], units.in_figures
+    if len(shown) == 1:
+        figure, panels = new_panels(7.5, *[(2.1, (1,))] * 4, share="x")
+        _draw_record([axes for (axes,) in panels], shown[0], units)
+        return figure
+    rows = [*[(1.6, (1,))] * len(shown), (2.6, (1,))]
+    figure, panels = new_panels(7.5, *rows, share="x")
+    (husid,) = panels[-1]
+    for number, ((axes,), info) in enumerate(zip(panels, shown, strict=False)):
+        record, name = info.record, motion_name(info.record) + changed([info.record])
+        draw_acceleration(axes, record, units)
+        axes.set(xlabel="", ylabel=f"({units.label('m/s^2')})")
+        axes.set_title(name, loc="left", parse_math=False)
+        energy = cumulative_energy(record)
+        style = line_style(number) | {"label": f"{name}, D5-95 {info.measures.d5_95:.3g} s"}
+        husid.plot(record.time, 100.0 * energy / max(energy[-1], _TINY), **style)
+    husid.set(xlabel="time (s)", ylabel="Arias intensity (%)")
+    husid.set_xlim(0.0, max(info.record.time[-1] for info in shown))
+    if len(infos) > len(shown):
+        titled(figure, f"The first {len(shown)} of {len(infos)} records")
     return figure
 
+
+_TINY = 1e-300  # m/s; Arias intensity that replaces zero in a quotient
 
 MATCHED: dict[str, Style] = {
     "scaled seed": {"color": "0.6", "linewidth": 0.9},
@@ -409,11 +418,10 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
         )
     axes.set(xscale="log", yscale="log")
     axes.set(xlabel="frequency (Hz)", ylabel=f"Fourier amplitude ({units.label('m/s')})")
-    largest = max(float(np.max(spectrum.amplitude)) for spectrum in spectra)
-    axes.set_ylim(units.of(_MIN_AMPLITUDE * largest, "m/s") or None, None)
+    amplitudes = np.concatenate([spectrum.amplitude for spectrum in spectra])
+    smallest = max(_MIN_AMPLITUDE * float(np.max(amplitudes)), float(np.min(amplitudes)))
+    axes.set_ylim(0.8 * units.of(smallest, "m/s") or None, None)
     plain_numbers(axes.xaxis)
-    if len(spectra) > 1:
-        axes.legend(loc="best")
 
 
 def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
@@ -437,7 +445,8 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     time = record.time
     peaks = (measures.pga, measures.pgv, measures.pgd)
     motions = (record.acceleration, motion.velocity, motion.displacement)
-    for axes, values, peak, si in zip(column, motions, peaks, MOTION.values(), strict=False):
+    for axes, values, peak, (name, si) in zip(column, motions, peaks, MOTION.items(), strict=False):
+        axes.set_ylabel(f"{name} ({units.label(si)})")
         axes.plot(time, units.of(values, si), color=COLORS[0], linewidth=0.8)
         axes.axhline(0.0, **ZERO)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
@@ -457,15 +466,6 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         times = [time_of_energy(record, energy, fraction) for fraction in _ENERGY_FRACTIONS]
         percentages = [100.0 * fraction for fraction in _ENERGY_FRACTIONS]
         husid.plot(times, percentages, "o", color=MARK, markersize=4)
-        text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')}\n"
-        text += f"D5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
-        write_note(husid, text, y=0.5)
-    husid.set(xlim=(time[0], time[-1]), xlabel="time (s)")
-
-
-# ---- Performance profiles: methods compared over many problems
-
-
-PROFILE_FOOT, NARROW_FOOT = 110, 64
-"""Characters per line of the footnote in a figure of full width, and in a figure with the width of
-one column of a page."""
+        text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')},\n"
+        write_note(husid, text + f"D5-75 {measures.d5_75:.3g} s, D5-95 {measures.d5_95:.3g} s")
+    husid.set(xlim=(time[0], time[-1]), xlabel="time (s)", ylabel="Arias intensity (%)")

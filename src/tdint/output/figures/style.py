@@ -38,7 +38,6 @@ from matplotlib.figure import Figure as Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
-from matplotlib.transforms import Bbox
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
@@ -74,8 +73,9 @@ Style = dict[str, Any]
 ZERO: Style = {"color": LIGHT, "linewidth": 0.6}
 """Style of the lines through zero."""
 
-# In black and white, lines are distinguished by dashes and markers.
-COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
+COLORS = ("#1f4e79", "#d1782c", "#8e2f6d", "#4a9a62", "#4d4d4d", "#2aa1b3")
+"""Dark and light in turn: neighbors differ by at least 20 L* (CIELAB) in gray. As dashes repeat
+after five lines, the lines with equal dashes differ in lightness."""
 DASHES: tuple[Any, ...] = (
     "-",
     (0, (6, 2)),
@@ -122,9 +122,6 @@ _MAX_PLAIN_NUMBER = 1e5
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LABEL_SIZE = 6.5  # points
 LETTER = 0.6  # estimated width of a character divided by the font size
-_COLUMN = 0.12
-"""Figure width, m, below which a figure occupies one of two columns: columns are 80 to 95 mm wide,
-pages 160 to 190 mm."""
 _MARKER = 3.5  # half the size of a marker, points
 _LABEL_POSITIONS = (
     (8, 0, "left", "center"),
@@ -137,11 +134,6 @@ order where the positions are tried."""
 _ALIGNMENT = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 1.0}
 """Fraction of the width or height of a text to the left of or below its position."""
 Box = tuple[float, float, float, float]
-
-
-def is_narrow() -> bool:
-    """Return True if the figure is printed in one column, where panels are below each other."""
-    return 0.0 < (PRINTED.get().width or 0.0) < _COLUMN
 
 
 def line_style(number: int, dash: int | None = None) -> Style:
@@ -251,15 +243,20 @@ _FORMULA = re.compile(r"\$\\(?:theta|beta(?:_\{\w+\})?|pm\\sigma)\$")
 """Formulas in the texts of figures. Any other dollar sign is part of a name."""
 
 
+_MINUS = re.compile(r"(?<![^\s(=])-(?=\d)")
+"""Hyphen of a negative number."""
+
+
 def _show_names_as_written(figure: Figure) -> None:
-    """Show the names of links, elements, files, ... in a figure as text, not as formulas, and write
-    out their control characters, which a browser obeys in SVG."""
+    """Write minus signs, show the names of links, elements, files, ... in a figure as text, not as
+    formulas, and write out their control characters, which a browser obeys in SVG."""
     labels = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
     for text in figure.findobj(Text):
         content = text.get_text()
+        text.set_text(_MINUS.sub("\N{MINUS SIGN}", content))
         if "$" in _FORMULA.sub("", content) and text not in labels:
             text.set_parse_math(False)
-        if (written := write_out_controls(content, keep="\n")) != content:
+        if (written := write_out_controls(text.get_text(), keep="\n")) != content:
             text.set_text(written)
 
 
@@ -308,10 +305,13 @@ class Picture:
             assert isinstance(figure, ShownFigure)
             figure.printed = printed
             with _panels_must_fit(printed.width):
+                _show_names_as_written(figure)
+                add_legends(figure)
                 if printed != ON_SCREEN:
                     _apply_print_settings(figure, printed)
-                _show_names_as_written(figure)
                 _place_legends(figure, _MAX_PAGE / INCH if printed.width else MAX_HEIGHT)
+                if printed.width:
+                    _grow(figure)
         return figure
 
     def __call__(self, stream: BinaryIO) -> None:
@@ -385,20 +385,9 @@ def style_context() -> AbstractContextManager[None]:
 
 
 def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
-    """Set the width, the title and the font sizes of a figure for print."""
-    width, height = figure.get_size_inches()
-    if printed.width:
-        # Texts need more height in a narrower figure, so that the height is reduced less.
-        ratio = printed.width / INCH / width
-        figure.set_size_inches(width * ratio, height * math.sqrt(ratio))
-        width *= ratio
-    title = figure.get_suptitle()
-    if title:
-        max_letters = int(width * 72.0 / (_MAX_FONT_SIZE * LETTER))
-        lines: list[str] = []
-        for line in title.splitlines():
-            lines += wrap(line, max_letters, break_on_hyphens=False)
-        figure.suptitle("\n".join(lines) if printed.title else "")
+    """Set the symbols and the font sizes of a figure for print, and omit its title if requested."""
+    if not printed.title:
+        figure.suptitle("")
     # ASCII words are replaced by symbols. Tick labels exist only after the figure has been plotted.
     # They do not depend on the layout, which would need time.
     engine = figure.get_layout_engine()
@@ -419,10 +408,20 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
         _fit(figure)
 
 
+def add_legends(figure: Figure) -> None:
+    """Add a legend to each panel with labels that no legend of the figure contains."""
+    common = {text.get_text().strip() for legend in figure.legends for text in legend.get_texts()}
+    for axes in figure.axes:
+        labels = axes.get_legend_handles_labels()[1]
+        if not common.issuperset(labels):
+            # The layout of the panels does not depend on a legend that will be moved.
+            (axes.get_legend() or axes.legend()).set_in_layout(False)
+
+
 def _place_legends(figure: Figure, max_height: float) -> None:
     """Arrange the legends below the panels in as many columns as fit, and move each legend that
-    covers a curve or an area, or is wider than its panel, above its panel and its texts. The figure
-    grows by their heights, up to `max_height`, inches."""
+    covers a curve, an area, a point or a text, or is wider than its panel, above its panel and its
+    texts. The figure grows by their heights, up to `max_height`, inches."""
     for legend in figure.legends:
         place = {"loc": "outside lower center", "handlelength": 3.2}
         _rearrange(figure, legend, figure, figure.bbox.width, max_height, place)
@@ -430,20 +429,31 @@ def _place_legends(figure: Figure, max_height: float) -> None:
     panels: list[Any] = [*figure.axes]
     for axes in panels:
         legend, frame = axes.get_legend(), axes.get_window_extent()
-        box = legend and Bbox.intersection(legend.get_window_extent(), frame)
-        if not box:
+        if not legend:
             continue
-        paths = [line.get_path().transformed(line.get_transform()) for line in axes.lines]
-        paths += [step.get_path().transformed(step.get_transform()) for step in axes.patches]
-        for area in axes.collections:
-            paths += [path.transformed(area.get_transform()) for path in area.get_paths()]
-        if legend.get_window_extent().width > frame.width or any(
-            path.intersects_bbox(box, filled=False) for path in paths
-        ):
-            top = (axes.get_tightbbox(call_axes_locator=False).y1 - frame.y0) / frame.height
-            place = {"loc": "lower left", "bbox_to_anchor": (0.0, top), "borderaxespad": 0.2}
-            _rearrange(axes, legend, figure, frame.width, max_height, place | {"handlelength": 2.0})
+        box = legend.get_window_extent()
+        if box.width > frame.width or box.height > frame.height or _covers(box, axes):
+            space = axes.get_tightbbox(call_axes_locator=False)
+            corner = axes.transAxes.inverted().transform((space.x0, space.y1))
+            place = {"loc": "lower left", "bbox_to_anchor": corner, "borderaxespad": 0.2}
+            _rearrange(axes, legend, figure, space.width, max_height, place | {"handlelength": 2.0})
             figure.draw_without_rendering()
+
+
+def _covers(box: Any, axes: Any) -> bool:
+    """Return True if a box, pixels, covers a curve, an area, a point or a text of a panel."""
+    for artist in (*axes.lines, *axes.patches):
+        path = artist.get_path().transformed(artist.get_transform())
+        if path.intersects_bbox(box, filled=False):
+            return True
+    for area in axes.collections:
+        points = area.get_offset_transform().transform(area.get_offsets())
+        paths = [path.transformed(area.get_transform()) for path in area.get_paths()]
+        if len(points) < 2 and any(path.intersects_bbox(box) for path in paths):
+            return True
+        if any(box.contains(*point) for point in points):
+            return True
+    return any(box.overlaps(text.get_window_extent()) for text in axes.texts if text.get_visible())
 
 
 def _rearrange(
@@ -453,8 +463,8 @@ def _rearrange(
     texts, handles, title = legend.get_texts(), legend.legend_handles, legend.get_title()
     size = texts[0].get_fontsize()
     handle = (place["handlelength"] + 2.0) * size * figure.dpi / 72.0  # with the distances
-    for text in texts:
-        _wrap(text, width - handle)
+    for text, length in (*((text, width - handle) for text in texts), (title, 0.95 * width)):
+        _wrap(text, length)
     entry = max(text.get_window_extent().width for text in texts) + handle
     columns = min(max(int(width // entry), 1), len(texts))
     legend.remove()
@@ -473,9 +483,17 @@ def _rearrange(
 _MAX_ENTRIES = 24  # maximum number of entries of a legend
 
 
-def add_legend(figure: Figure, lines: Sequence[Any], labels: Sequence[str], least: int = 2) -> None:
-    """Add a legend of `least` or more lines below the panels. If there are more than `_MAX_ENTRIES`
-    lines, the last entry states the number of lines without an entry."""
+def add_legend(
+    figure: Figure,
+    lines: Sequence[Any],
+    labels: Sequence[str],
+    least: int = 2,
+    *,
+    title: str = "",
+    handleheight: float | None = None,
+) -> None:
+    """Add a legend of `least` or more lines below the panels, with a text above them. If there are
+    more than `_MAX_ENTRIES` lines, the last entry states the number of lines without an entry."""
     if len(lines) < least:
         return
     if len(labels) > _MAX_ENTRIES:
@@ -483,7 +501,8 @@ def add_legend(figure: Figure, lines: Sequence[Any], labels: Sequence[str], leas
         lines = [*lines[: _MAX_ENTRIES - 1], Line2D([], [], linestyle="none")]
     # Matplotlib ignores labels that start with _. `_place_legends` determines the columns.
     names = [f" {label}" if label.startswith("_") else label for label in labels]
-    legend = figure.legend(lines, names, loc="outside lower center", ncols=4)
+    place = {"loc": "outside lower center", "handleheight": handleheight}
+    legend = figure.legend(lines, names, title=title or None, title_fontsize=7.5, **place)
     for text in legend.get_texts():
         text.set_parse_math(False)
 
@@ -543,8 +562,7 @@ def _wrap_texts(figure: Figure, axes: Any) -> None:
     for panel in (axes, *axes.child_axes):
         _wrap(panel.xaxis.label, width)
         _wrap(panel.yaxis.label, height)
-    legend = axes.get_legend()
-    for text in (*axes.texts, *(legend.get_texts() if legend else ())):
+    for text in axes.texts:
         _wrap(text, width)
 
 
@@ -569,29 +587,48 @@ _POINT_LABEL = "point"
 """Identifier of point labels, which are omitted if there is no space."""
 
 _MIN_PANEL, _MAX_PAGE = 0.022, 0.24  # m; minimum height of a panel, maximum height of a figure
-_GROWTH = 1.15  # factor of the height in each attempt
+_GROWTHS = 8  # maximum number of changes of the height of a figure
 
 
 def _grow(figure: Figure) -> None:
-    """Increase the height of a figure, up to a page, until its panels fit and are high enough;
-    UserWarning if they never fit. Higher figures are reduced to a page.
+    """Increase the height of a figure, up to a page, and the heights of rows with low panels, until
+    all panels fit and are high enough; UserWarning if they never fit. Higher figures are reduced.
 
     Matplotlib warns if the panels do not fit. The caller has set the filter for the warning to
     "error", so that Matplotlib raises an exception instead.
     """
-    height = min(figure.get_figheight(), _MAX_PAGE / INCH)
-    while True:
-        figure.set_figheight(height)
-        is_last = height >= _MAX_PAGE / INCH
+    least, largest = _MIN_PANEL / INCH, _MAX_PAGE / INCH  # inches
+    figure.set_figheight(min(figure.get_figheight(), largest))
+    panels: list[Any] = figure.axes
+    outer = panels[0].get_subplotspec().get_topmost_subplotspec().get_gridspec()
+    for attempt in range(_GROWTHS):
+        heights = np.array(outer.get_height_ratios(), float)
+        heights *= figure.get_figheight() / heights.sum()
+        # The missing height of each row of each grid, and of the rows of the figure
+        lacks: dict[Any, tuple[int, Array]] = {outer: (0, np.zeros(outer.nrows))}
+        added = lacks[outer][1]
         try:
             figure.draw_without_rendering()
-            smallest = min((axes.bbox.height for axes in figure.axes), default=math.inf)
-            if is_last or smallest >= _MIN_PANEL / INCH * figure.dpi:
-                return
+            for axes in panels:
+                place = axes.get_subplotspec()
+                cell, line = place.get_topmost_subplotspec().rowspan.start, place.rowspan.start
+                grid = place.get_gridspec()
+                lack = lacks.setdefault(grid, (cell, np.zeros(grid.nrows)))[1]
+                lack[line] = max(lack[line], least - axes.bbox.height / figure.dpi)
         except UserWarning:
-            if is_last:
+            if attempt == _GROWTHS - 1:
                 raise
-        height = min(_GROWTH * height, _MAX_PAGE / INCH)
+            # Texts need most of the space of low rows.
+            added += 0.45 * heights.mean() - 0.3 * heights
+        for grid, (cell, lack) in list(lacks.items())[1:]:
+            ratios = np.array(grid.get_height_ratios(), float)
+            grid.set_height_ratios(ratios * heights[cell] / ratios.sum() + lack)
+            added[cell] += lack.sum()
+        if np.all(added < 0.01):
+            return
+        outer.set_height_ratios(heights + added)
+        figure.set_figheight(min(float((heights + added).sum()), largest))
+    figure.draw_without_rendering()
 
 
 _TEXT_FRACTION = 0.8
@@ -639,7 +676,14 @@ def _thin(axis: Any) -> bool:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure, whose size is given in inches and whose panels do not overlap."""
+    """Return an empty figure whose panels do not overlap, with a size on a screen, inches.
+
+    A printed figure has its final width from the start. Texts need more height in a narrower
+    figure, so that the height is reduced less.
+    """
+    if printed := PRINTED.get().width:
+        height *= math.sqrt(printed / INCH / width)
+        width = printed / INCH
     return Figure(figsize=(width, height), layout="constrained")
 
 
@@ -649,27 +693,76 @@ def new_axes(width: float, height: float) -> tuple[Figure, Any]:
     return figure, figure.subplots()
 
 
+_MIN_WIDTH = 0.045  # m; minimum width of a panel with its labels
+
+
+def new_panels(
+    width: float, *rows: tuple[float, Sequence[int]], share: str = "", columns: int = 4
+) -> tuple[Figure, list[list[Any]]]:
+    """Return a figure (`new_figure`) and its panels, a list for each row.
+
+    A row with more panels than fit next to each other, or than `columns`, continues below with
+    panels of equal widths.
+
+    Parameters
+    ----------
+    rows : tuples of float and sequence of int
+        Height on a screen, inches, and relative widths of the panels of each row.
+    share : str
+        Axes in common: `x` of all panels, `y` of the panels of a row; empty by default for none.
+    """
+    figure = new_figure(width, sum(height for height, _ in rows))
+    most = max(min(columns, int(figure.get_figwidth() * INCH / _MIN_WIDTH)), 1)
+    # Each line of panels has the number of its row, its height and the widths of its panels.
+    lines: list[tuple[int, float, Any]] = []
+    for number, (height, widths) in enumerate(rows):
+        count = math.ceil(len(widths) / most)
+        equal = np.ones_like(widths) if count > 1 else np.array(widths)
+        lines += [(number, height, part) for part in np.array_split(equal, count)[::-1]]
+    ratio = sum(height for _, height, _ in lines) / sum(height for height, _ in rows)
+    figure.set_figheight(min(ratio * figure.get_figheight(), MAX_HEIGHT))
+    # Lines with panels of equal widths have a common grid, which aligns their panels.
+    blocks = [list(block) for _, block in itertools.groupby(lines, lambda line: tuple(line[2]))]
+    outer: Any = figure.add_gridspec(
+        len(blocks), 1, height_ratios=[sum(height for _, height, _ in block) for block in blocks]
+    )
+    panels: list[list[Any]] = [[] for _ in rows]
+    for cell, block in zip(outer, blocks, strict=True):
+        widths, heights = block[0][2], [height for _, height, _ in block]
+        grid = cell.subgridspec(len(block), len(widths), width_ratios=widths, height_ratios=heights)
+        for line, (number, _, _) in enumerate(block):
+            for column in range(len(widths)):
+                axes = figure.add_subplot(
+                    grid[line, column],
+                    sharex=figure.axes[0] if "x" in share and figure.axes else None,
+                    sharey=panels[number][0] if "y" in share and panels[number] else None,
+                )
+                if "x" in share and len(blocks) == 1:
+                    axes.tick_params(labelbottom=line == len(block) - 1)
+                if "y" in share:
+                    axes.tick_params(labelleft=column == 0)
+                panels[number].append(axes)
+    return figure, panels
+
+
 def titled(figure: Figure, title: str) -> Figure:
     """Add a title above the panels and return the figure.
 
     The title has one or more lines and no formulas. A line that is wider than the figure is
-    wrapped; a line of more than twice the width is shortened.
+    wrapped; a line of more than three times the width is shortened.
     """
     # The number of characters is the width of the figure in points (72 per inch) divided by the
     # width of a character.
-    max_letters = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * LETTER))
+    size = _MAX_FONT_SIZE if PRINTED.get().width else _TITLE
+    max_letters = int(figure.get_size_inches()[0] * 72.0 / (size * LETTER))
     lines: list[str] = []
     for title_line in title.splitlines():
-        line = shorten(title_line, 2 * max_letters, placeholder=" ...")
+        line = shorten(title_line, 3 * max_letters, placeholder=" ...")
         # A line does not break between a symbol, its value and its unit.
         line = _QUANTITY.sub(lambda match: match[0].replace(" ", NO_BREAK_SPACE), line)
-        # The smallest width with the minimum number of lines gives lines of similar length.
-        count = len(wrap(line, max_letters, break_on_hyphens=False))
-        width = max(len(line) // max(count, 1), 1)
-        while len(parts := wrap(line, width, break_on_hyphens=False)) > count:
-            width += 1
+        parts = wrap(line, max_letters, break_on_hyphens=False)
         lines += [part.replace(NO_BREAK_SPACE, " ") for part in parts]
-    figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
+    figure.suptitle("\n".join(lines), fontsize=size, parse_math=False)
     return figure
 
 
@@ -680,32 +773,16 @@ _QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.
 
 
 def lowered(draw: Callable[[], Figure], height: float = 2.4) -> Figure:
-    """Create a figure for a report with a reduced height, inches, and with its legends to the right
-    of the axes."""
+    """Create a figure for a report with a reduced height, inches."""
     figure = draw()
     figure.set_size_inches(7.0, height)
-    for axes in figure.axes:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
     return figure
 
 
-def write_note(axes: Any, text: str, y: float | None = None) -> None:
-    """Write a text at the right above a panel, where it covers no curve.
-
-    Parameters
-    ----------
-    y : float, optional
-        Position of the upper end of a text inside the panel, with a white background, as a fraction
-        of the height of the panel.
-    """
-    style: Style = {"fontsize": 8.0, "color": MARK, "ha": "right"}
-    if y is None:
-        axes.annotate(
-            text, (1.0, 1.0), (0.0, 2.0), "axes fraction", "offset points", va="bottom", **style
-        )
-        return
-    background = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-    axes.text(0.99, y, text, transform=axes.transAxes, va="top", bbox=background, **style)
+def write_note(axes: Any, text: str) -> None:
+    """Write a text at the right above a panel, where it covers no curve."""
+    place: Style = {"va": "bottom", "ha": "right", "fontsize": 8.0, "color": MARK}
+    axes.annotate(text, (1.0, 1.0), (0.0, 2.0), "axes fraction", "offset points", **place)
 
 
 FirstPeriods = Sequence[tuple[str, float]]
@@ -824,6 +901,11 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
     return names
 
 
+def psa_label(units: OutputUnits) -> str:
+    """Return the label of an axis of pseudo-accelerations."""
+    return f"pseudo-acceleration PSA ({units.label('m/s^2')})"
+
+
 def over_stories(axes: Any, values: Array, **style: Any) -> None:
     """Plot a value of each story as a stepped line, with the value on the x axis and the story on
     the y axis.
@@ -893,7 +975,7 @@ def minor_ticks(axis: Any) -> None:
 
 def _plain(value: float, _: Any) -> str:
     """Return the label of a tick; matplotlib passes its value and its position."""
-    return f"{value:g}"
+    return f"{value:g}".replace("-", "\N{MINUS SIGN}")
 
 
 def add_ratio_axis(axes: Any, height: float, label: str) -> None:

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.figures.floor_spectra import set_floor_axes
 from tdint.output.figures.style import (
     DASHES,
@@ -26,13 +26,14 @@ from tdint.output.figures.style import (
     MARK,
     FirstPeriods,
     add_legend,
-    is_narrow,
     line_style,
     mark_first_periods,
+    new_panels,
+    record_name,
     scaled_unit,
     titled,
 )
-from tdint.response.pairs import MEAN, Run, outcomes_of, suite_text, with_outcomes
+from tdint.response.pairs import COMPLETED, MEAN, Run, outcomes_of, suite_text, with_outcomes
 from tdint.response.runs.many_results import SCALE, Runs
 from tdint.response.runs.outcome import STORY_QUANTITIES, Gradient
 from tdint.studies.campaign.story_profiles import (
@@ -77,12 +78,8 @@ def profile_picture(
     # Each scale factor or level has a row; only the first rows are plotted.
     rows = at_levels(profiles)
     shown = rows[:_MAX_ROWS]
-    # In one column of a page, the height is reduced with the width: the rows are higher. A figure
-    # with several rows is smaller, because a page reduces a tall figure with its text.
-    is_tall = len(shown) > 1 and not is_narrow()
-    width, row_height = (6.8, 2.3) if is_tall else (8.0, 5.4 if is_narrow() else 3.6)
-    figure = Figure(figsize=(width, 0.9 + row_height * len(shown)), layout="constrained")
-    panels = figure.subplots(len(shown), 3, squeeze=False)
+    height = 3.6 if len(shown) == 1 else 2.5
+    figure, panels = new_panels(8.0, *[(height, (1, 1, 1))] * len(shown))
     plot_styles = building_styles(profile.building for profile in profiles)
     for axes, row in zip(panels, shown, strict=True):
         by_length = _by_length(row)
@@ -105,7 +102,7 @@ def profile_picture(
         if text := _lost_motions_text(row):
             axes[0].set_title(text, loc="left", fontsize=8.0, parse_math=False)
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
-    _add_common_legend(figure, panels[:, 0])
+    _add_common_legend(figure, [row[0] for row in panels])
     subject = (
         profiles[0].building if len(plot_styles) == 1 else title or f"{len(plot_styles)} buildings"
     )
@@ -123,8 +120,7 @@ def ratio_picture(profiles: Sequence[Profile], baseline: str) -> Figure:
         level for level in at_levels(profiles) if baseline in [item.building for item in level]
     )
     base = next(profile for profile in level if profile.building == baseline)
-    figure = Figure(figsize=(8.0, 2.5), layout="constrained")
-    panels = figure.subplots(1, 3, sharey=True)
+    figure, (panels,) = new_panels(8.0, (2.5, (1, 1, 1)), share="y")
     colors = building_styles(profile.building for profile in profiles)
     quantities = (DRIFT_RATIO, "peak_absolute_acceleration", "peak_shear")
     for axes, quantity in zip(panels, quantities, strict=True):
@@ -143,7 +139,8 @@ def ratio_picture(profiles: Sequence[Profile], baseline: str) -> Figure:
     panels[0].set_ylabel("story")
     _add_common_legend(figure, panels[:1])
     level_text = f", {base.level_text}" if len(at_levels(profiles)) > 1 else ""
-    return titled(figure, f"Means divided by those of {baseline}{level_text}")
+    common = ", motions that both complete" if _lost_motions_text(level) else ""
+    return titled(figure, f"Means divided by those of {baseline}{level_text}{common}")
 
 
 def _motions_text(profile: Profile, member: str) -> str:
@@ -216,19 +213,20 @@ def _draw_motions(
 
 
 def _lost_motions_text(profiles: Sequence[Profile]) -> str:
-    """Return the text on motions with collapse or without a result, which the figure does not
+    """Return the text on motions with collapse or without a result, which the lines do not
     contain; empty without such motions."""
-    counts = [profile.counts for profile in profiles]
-    if not any(item.lost for item in counts):
-        return ""
-    if len(counts) == 1:
-        return f"{counts[0].lost} of {counts[0].motions} collapsed or failed: not drawn"
-    drawn = ", ".join(str(item.completed) for item in counts[:_MAX_COUNTS])
-    more = ", ..." if len(counts) > _MAX_COUNTS else ""
-    return f"motions that each building completes: {drawn}{more}"
+    texts = []
+    for profile in profiles:
+        is_lost = profile.outcome != COMPLETED
+        lost = [record_name(profile.motions[index]) for index in np.flatnonzero(is_lost)]
+        if lost:
+            of = f" of {profile.building}" if len(profiles) > 1 else ""
+            names = abbreviate(lost, _MAX_NAMES)
+            texts.append(f"{len(lost)} of {len(is_lost)} motions{of} ({names})")
+    return f"collapsed or failed, not drawn: {', '.join(texts)}" if texts else ""
 
 
-_MAX_COUNTS = 6  # numbers of motions in the title of a panel, which is narrow
+_MAX_NAMES = 3  # motions of a building that the title of a row of panels names
 
 
 def _line(axes: Any, values: Array, by_floor: bool, base: int, **style: Any) -> None:
@@ -286,15 +284,14 @@ def _finish_row(
     for panel in axes:
         panel.set_ylim(low + 0.5, max_stories + min(bases) + 0.5)
         panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
-        # In one column of a page, more numbers would touch each other.
-        most = 2 if is_narrow() else 5
-        panel.xaxis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
+        panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
-        panel.tick_params(labelleft=panel is drifts)
-        # Panels without lines, because no run has a result, have no scale.
+        panel.tick_params(labelleft=panel.get_subplotspec().is_first_col())
+        # Panels without lines, because no run has a result, have no axes.
         if not any(profile.counts.completed for profile in profiles):
-            panel.set_xticks([])
-            panel.text(0.5, 0.5, "no complete run", transform=panel.transAxes, ha="center")
+            panel.set_axis_off()
+            if panel is accelerations:
+                panel.text(0.5, 0.5, "no complete run", transform=panel.transAxes, ha="center")
 
 
 def floor_suite_picture(
@@ -319,13 +316,11 @@ def floor_suite_picture(
         key = (suite.place(lowest), repr(suite.scale), repr(suite.level), suite.damping)
         panels.setdefault(key, []).append(suite)
     shown = list(panels.values())[:_MAX_PANELS]
-    columns = min(len(shown), 2)
-    rows = math.ceil(len(shown) / columns)
-    figure = Figure(figsize=(4.0 * columns + 0.4, 3.6 * rows + 0.8), layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    height = 3.6 * math.ceil(len(shown) / 2) + 0.8
+    figure, (grid,) = new_panels(8.4, (height, (1,) * len(shown)), share="y", columns=2)
     plot_styles = building_styles(suite.building for suite in suites)
     several_scales = len({repr(suite.scale) for suite in suites}) > 1
-    for axes, panel_suites in zip(grid.ravel(), shown, strict=False):
+    for axes, panel_suites in zip(grid, shown, strict=True):
         for suite in panel_suites:
             psa = units.of(suite.psa, "m/s^2")
             line = partial(axes.plot, suite.periods)  # function that plots values over the periods
@@ -336,9 +331,7 @@ def floor_suite_picture(
         level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
         damping = f"{100.0 * first.damping:g} % damping"
         axes.set_title(", ".join(filter(None, [first.place(lowest), level, damping])), fontsize=9.0)
-    for axes in grid.ravel()[len(shown) :]:
-        axes.set_visible(False)
-    _add_common_legend(figure, grid.ravel())
+    _add_common_legend(figure, grid)
     subject = suites[0].building if len(plot_styles) == 1 else f"{len(plot_styles)} buildings"
     title = f"{subject}, {pluralize(suites[0].counts.motions, 'motion')}\n"
     title += "spectra of absolute floor accelerations"
@@ -392,7 +385,6 @@ def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
     axes.set_xlim(left=0.0)
     axes.set_ylabel("story")
-    axes.legend()
 
 
 def run_profiles(runs: Runs) -> list[Profile]:
@@ -475,12 +467,9 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
             "gradient.select_run(0).plot()"
         )
     shown = gradient.parameters[:_MOST_PARAMETERS]
-    columns = min(len(shown), _COLUMNS)
-    rows = math.ceil(len(shown) / columns)
-    figure = Figure(figsize=(1.2 + 2.6 * columns, 1.0 + 3.0 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    figure, (panels,) = new_panels(8.0, (3.6, (1,) * len(shown)), columns=_COLUMNS)
     errors = gradient.errors.peak_drift if gradient.errors is not None else None
-    for number, (axes, name) in enumerate(zip(panels, shown, strict=False)):
+    for number, (axes, name) in enumerate(zip(panels, shown, strict=True)):
         values = gradient.peak_drift[number]
         # Matplotlib writes a power of ten into the corner of a panel, where texts would overlap.
         # The label of the axis contains the power instead.
@@ -499,9 +488,7 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
         axes.grid(axis="y", visible=False)
         unit = f"1e{power} SI units" if power else "SI units"
         axes.set_xlabel(f"derivative with respect to\n{name} ({unit})")
-        axes.set_ylabel("story" if number % columns == 0 else "")
-    for axes in panels[len(shown) :]:
-        axes.set_visible(False)
+        axes.set_ylabel("story" if axes.get_subplotspec().is_first_col() else "")
     count = len(gradient.parameters)
     title = f"Derivatives of the peak drifts, {pluralize(count, 'parameter')}\n"
     title += "with estimated errors" if errors is not None else "errors not estimated"

@@ -15,15 +15,20 @@ from tdint.number_parsing import pluralize
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
+    LIGHT,
     MARKERS,
     add_legend,
-    is_narrow,
     line_style,
+    minor_ticks,
+    new_panels,
     plain_logarithmic,
+    plain_numbers,
     titled,
 )
 from tdint.studies.fragility.fragility_function import CloudPoints, Fragility, Points
+from tdint.studies.fragility.hazard import HazardCurve
 from tdint.studies.motions import scaling_figures
+from tdint.units import OutputUnits
 
 _POINTS = 300  # points of a fragility function
 _TYPES_PER_ROW = 4  # panels of building types per row
@@ -39,12 +44,22 @@ _NAMES = {
 }
 
 
-def fragility_picture(functions: Sequence[Fragility]) -> Figure:
+def in_figure_units(functions: Sequence[Fragility], units: OutputUnits) -> list[Fragility]:
+    """Return functions with their accelerations in g, unless another unit was requested."""
+    return [
+        function.in_units(units.in_figures) if function.unit == "m/s^2" else function
+        for function in functions
+    ]
+
+
+def fragility_picture(functions: Sequence[Fragility], hazard: HazardCurve | None = None) -> Figure:
     """Plot fragility functions of the same fit and intensity measure with their observations and
     confidence bands.
 
-    A cloud analysis has a second panel with its regression. If more than `_MAX_IN_PANEL` functions
-    have a modeling dispersion, the functions with this dispersion have a separate panel.
+    A cloud analysis has a second panel with its regression. A hazard curve has two further panels:
+    its rates, and the contributions of intensities to the annual frequencies. If more than
+    `_MAX_IN_PANEL` functions have a modeling dispersion, the functions with this dispersion have a
+    separate panel.
     """
     cloud = functions[0].cloud
     crowded = (
@@ -52,23 +67,20 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         and len(functions) > _MAX_IN_PANEL
         and any(function.modeling_dispersion for function in functions)
     )
-    stacked = crowded and is_narrow()
-    figure = Figure(
-        figsize=(6.8, 9.2) if stacked else (9.2 if cloud or crowded else 6.8, 4.6),
-        layout="constrained",
+    has_two = bool(cloud) or crowded
+    rows = [(4.6, (1,) * (1 + has_two)), *([(3.0, (1, 1))] if hazard else [])]
+    figure, (panels, *below) = new_panels(
+        9.2 if has_two else 6.8, *rows, share="y" * (crowded and not hazard)
     )
+    if hazard:
+        _draw_hazard(below[0], functions, hazard)
     if crowded:
-        first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
-        draw_functions(first, functions, total=False)
-        draw_functions(second, functions, fitted=False)
-        if not stacked:
-            second.set_ylabel("")
-    elif cloud is None:
-        draw_functions(figure.subplots(), functions)
+        draw_functions(panels[0], functions, total=False)
+        draw_functions(panels[1], functions, fitted=False)
     else:
-        left, right = figure.subplots(1, 2)
-        _draw_cloud(left, cloud, functions)
-        draw_functions(right, functions)
+        draw_functions(panels[-1], functions)
+    if cloud:
+        _draw_cloud(panels[0], cloud, functions)
     function = functions[0]
     title = _NAMES[function.fit]
     censored = {function.censored for function in functions}
@@ -95,21 +107,22 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
             for function in sorted(functions, key=lambda function: function.threshold)
         )
     )
-    columns = min(len(types), _TYPES_PER_ROW)
-    rows = math.ceil(len(types) / columns)
-    size = (max(2.5 * columns, 5.0) + 0.6, 2.0 * rows + 1.3)
-    figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
-    for axes in grid.flat[len(types) :]:
-        axes.set_visible(False)
+    height = 2.0 * math.ceil(len(types) / _TYPES_PER_ROW) + 1.3
+    figure, (panels,) = new_panels(
+        max(2.5 * min(len(types), _TYPES_PER_ROW), 5.0) + 0.6,
+        (height, (1,) * len(types)),
+        share="y",
+        columns=_TYPES_PER_ROW,
+    )
     # With a common intensity measure, only the lowest panels have a label.
     has_common_measure = len({function.im for function in functions}) == 1
-    for index, (axes, name) in enumerate(zip(grid.flat, types, strict=False)):
+    for axes, name in zip(panels, types, strict=True):
         _draw_type(axes, types[name], states)
         axes.set_title(name, fontsize="medium")
-        if index % columns == 0:
+        place = axes.get_subplotspec()
+        if place.is_first_col():
             axes.set_ylabel("probability")
-        if not has_common_measure or index >= len(types) - columns:
+        if not has_common_measure or place.is_last_row():
             axes.set_xlabel(_im_label(types[name][0]))
     lines = [axes.plot([], [], **line_style(i), linewidth=1.8)[0] for i in range(len(states))]
     add_legend(figure, lines, states)
@@ -158,10 +171,11 @@ def draw_functions(
             axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
         else:
             axes.plot([], [], color="0.5", linewidth=0.5, label="95 % confidence")
-    axes.set(xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
-    quantity = scaling_figures.measure_words(functions[0].im) or "intensity measure"
-    scaling_figures.add_gravity_axis(axes, quantity, functions[0].unit, horizontal=True)
-    _name_functions(axes, functions, "" if fitted else which)
+    exceeded = ""
+    if not math.isnan(functions[0].threshold):
+        exceeded = " of the drift ratio" if functions[0].is_drift_ratio else " of the threshold"
+    axes.set(xlabel=_im_label(functions[0]), ylabel=f"probability of exceedance{exceeded}")
+    axes.set_title("" if fitted else which)
 
 
 def _draw_function(
@@ -209,26 +223,6 @@ def _draw_function(
         )
 
 
-def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
-    """Add the legend of the fragility functions to a panel. The first line of its title is `which`.
-
-    The second line names the quantity; it is omitted for functions without a threshold.
-    """
-    exceeded = ""
-    if not math.isnan(functions[0].threshold):
-        quantity = "drift ratio" if functions[0].is_drift_ratio else "threshold"
-        exceeded = f"exceedance of the {quantity}"
-    title = "\n".join(filter(None, (which, exceeded))) or None
-    axes.legend(
-        loc="lower right",
-        frameon=True,
-        framealpha=0.85,
-        edgecolor="none",
-        title=title,
-        alignment="left",
-    )
-
-
 def _intensities(axes: Any, functions: Sequence[Fragility]) -> Array:
     """Set the limits of the axes of fragility functions, and return the intensities of the curves.
 
@@ -243,6 +237,29 @@ def _intensities(axes: Any, functions: Sequence[Fragility]) -> Array:
         ends.append(min(curve_end, 2.0 * max(max_observed, function.theta)))
     axes.set(xlim=(0.0, max(ends)), ylim=(-0.01, 1.01))
     return np.linspace(0.0, max(ends), _POINTS)[1:]
+
+
+def _draw_hazard(panels: Sequence[Any], functions: Sequence[Fragility], curve: HazardCurve) -> None:
+    """Plot the rates of a hazard curve, and the disaggregation of the annual frequency of each
+    function: the density of its contributions F |dH| over ln s, divided by the frequency."""
+    rates, density = panels
+    curve = curve.in_unit(functions[0])
+    im = np.geomspace(curve.im[0], curve.im[-1], _POINTS)
+    rates.plot(curve.im, curve.rate, "o", color=COLORS[0], markersize=3.0)
+    rates.plot(im, curve.rates(im), color=COLORS[0])
+    rates.set(ylabel="annual rate of exceedance (1/year)")
+    middle, steps = np.sqrt(im[1:] * im[:-1]), -np.diff(curve.rates(im)) / np.diff(np.log(im))
+    for i, function in enumerate(functions):
+        if function.risk:
+            share = function.probability(middle) * steps / function.risk.annual_frequency
+            density.plot(middle, share, **line_style(i))
+            density.axvline(function.risk.contributing_im, color=LIGHT, linewidth=0.8)
+    density.set(ylim=(0.0, None), ylabel="density of contributions to\nthe annual frequency")
+    rates.set(yscale="log")
+    for axes in panels:
+        axes.set(xscale="log", xlabel=_im_label(functions[0]))
+        plain_numbers(axes.xaxis)
+        minor_ticks(axes.xaxis)
 
 
 def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
@@ -279,7 +296,6 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
     axes.set(
         ylim=(min(edges) / 1.6, 1.6 * max(edges)), xlabel=_im_label(functions[0]), ylabel="demand"
     )
-    axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none")
 
 
 def _im_label(function: Fragility) -> str:

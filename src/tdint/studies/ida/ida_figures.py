@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from tdint.fractiles import FRACTIONS
 from tdint.number_parsing import pluralize
-from tdint.output.figures.style import COLORS, DASHES, changed, motion_name, titled
+from tdint.output.figures.style import COLORS, changed, line_style, motion_name, new_axes, titled
 from tdint.studies.fragility.fragility_function import initial_damage
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, capacity_fractiles, fractile_drifts
@@ -28,8 +28,8 @@ def ida_picture(study: IdaStudy) -> Figure:
 
     The axis has the unit of the intensities of `study`, which `IdaStudy.in_units` converts.
     """
-    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
-    draw_ida(figure.subplots(), study)
+    figure, axes = new_axes(7.2, 5.2)
+    draw_ida(axes, study)
     records = [curve.record for curve in study.states[0].curves]
     subject = study.motions_text
     if len(records) == 1:
@@ -64,8 +64,8 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     )
     for curve in study.motion_curves:
         _draw_curve(axes, curve, limit, plot_style)
-    for state, color in zip(states, (COLORS[0], *COLORS[2:]), strict=False):
-        _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
+    for number, state in enumerate(states):
+        _draw_fractiles(axes, state, limit, number, several=len(states) > 1)
     for state in states:
         _draw_capacities(axes, state, limit)
     # The drift ratio of a failed run is unknown.
@@ -90,10 +90,6 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         xlabel="maximum drift ratio (%)",
         ylabel=scaling_figures.measure_label(study.im_name, study.measure.unit),
     )
-    scaling_figures.add_gravity_axis(
-        axes, scaling_figures.measure_words(study.im_name), study.measure.unit
-    )
-    axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
 
 
 def _draw_curve(axes: Any, curve: IdaCurve, limit: float, plot_style: dict[str, Any]) -> None:
@@ -110,7 +106,9 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, plot_style: dict[str, 
     axes.plot(100.0 * np.array(drift), im, zorder=1, **plot_style)
 
 
-def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
+def _draw_fractiles(
+    axes: Any, study: IdaStudy, limit: float, number: int, *, several: bool
+) -> None:
     """Plot the fractiles of the curves for a state of initial damage; only the median if there are
     `several` states.
 
@@ -122,7 +120,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     if len(study.motion_curves) < scaling_figures.MIN_MOTIONS:
         for i, curve in enumerate(study.motion_curves if several else ()):
             # The curves of a state have the same style and one legend entry.
-            style = {"color": color, "linewidth": 1.6, "label": "" if i else state}
+            style = line_style(number) | {"linewidth": 1.6, "label": "" if i else state}
             _draw_curve(axes, curve, limit, style)
         return
     drifts = fractile_drifts(limit)
@@ -134,12 +132,13 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
             continue
         if is_median:
             style = {"linewidth": 2.2, "label": f"median, {state}" if several else "median"}
+            style |= line_style(number)
         else:
             label = "16 % and 84 %" if fraction == FRACTIONS[0] else None
-            style = {"linestyle": DASHES[1], "linewidth": 1.4, "label": label}
+            style = line_style(0, 1) | {"linewidth": 1.4, "label": label}
         start = [] if damage else [0.0]  # a damaged building does not start at the origin
         shown = np.where(np.isinf(row), np.nan, row)
-        axes.plot([*start, *(100.0 * drifts)], [*start, *shown], color=color, zorder=3, **style)
+        axes.plot([*start, *(100.0 * drifts)], [*start, *shown], zorder=3, **style)
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:

@@ -8,7 +8,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.output.figures.static_curves import MATCHED, MOTION
-from tdint.output.figures.style import COLORS, motion_name, plain_logarithmic, record_name, titled
+from tdint.output.figures.style import (
+    COLORS,
+    motion_name,
+    new_panels,
+    plain_logarithmic,
+    psa_label,
+    record_name,
+    titled,
+)
 from tdint.output.spectrum_text import spectrum_text
 from tdint.studies.motions.matching import Match
 from tdint.units import SI, OutputUnits
@@ -24,11 +32,11 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
 
     units = units.in_figures
     parts = matched.parts
-    figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
-    grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
-    draw_match(figure.add_subplot(grid[0, :]), matched, units)
+    rows = [(1.7, (1,) * len(parts))] * 4
+    figure, ((upper,), *grid) = new_panels(7.5, (3.2, (1,)), *rows)
+    draw_match(upper, matched, units)
     for column, part in enumerate(parts):
-        panels = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
+        panels = [row[column] for row in grid]
         # The seed is plotted first, so that the matched ground motion is in front. The first item
         # of `motions` is the matched ground motion, the first style of `MATCHED` is for the seed.
         for record, motion, plot_style in zip(
@@ -89,6 +97,5 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
         if first < last:
             axes.axvspan(first, last, color="0.92", zorder=0)
     axes.set(xscale="log", yscale="log", xlabel="period (s)", xlim=(periods[0], periods[-1]))
-    axes.set_ylabel(f"Sa ({units.label('m/s^2')})")
+    axes.set_ylabel(psa_label(units))
     plain_logarithmic(axes)
-    axes.legend(loc="lower left")

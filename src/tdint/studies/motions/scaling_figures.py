@@ -19,17 +19,17 @@ from tdint.output.figures.style import (
     FirstPeriods,
     changed,
     mark_first_periods,
-    minor_ticks,
     motion_name,
+    new_axes,
     plain_logarithmic,
-    plain_numbers,
+    psa_label,
     record_name,
     titled,
 )
 from tdint.output.spectrum_text import spectrum_text
 from tdint.studies.motions import intensity
 from tdint.studies.motions.scaling import MIN_AVERAGE_RATIO, Scaling, suite_spectra
-from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
+from tdint.units import SI, OutputUnits
 
 # ---- Parts that several figures of suites share: median, fractiles and intensity measures
 #
@@ -103,41 +103,13 @@ def measure_label(name: str, unit: str) -> str:
     return f"{text} ({unit.replace('^2', '²')})" if unit else text
 
 
-def add_gravity_axis(axes: Any, quantity: str, unit: str, *, horizontal: bool = False) -> None:
-    """Add a second axis in g, if the axis of a panel has another unit of acceleration.
-
-    Parameters
-    ----------
-    quantity : str
-        Name of the quantity, which precedes the unit.
-    unit : str
-        Unit of the existing axis. For g and for units of other quantities, no axis is added.
-    """
-    if unit == "g" or unit not in ACCELERATION:
-        return
-    g = STANDARD_GRAVITY / ACCELERATION[unit]
-    conversions = (lambda value: value / g, lambda value: value * g)
-    if horizontal:
-        axis = axes.secondary_xaxis("top", functions=conversions).xaxis
-        scale = axes.get_xscale()
-    else:
-        axis = axes.secondary_yaxis("right", functions=conversions).yaxis
-        scale = axes.get_yscale()
-    plain_numbers(axis)
-    if scale == "log":
-        minor_ticks(axis)
-    axis.set_label_text(f"{quantity} (g)")
-
-
 def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPeriods = ()) -> Figure:
     """Plot the response spectra of a suite of scaled ground motions, with the target of the
     scaling. `periods` are names and first periods (s) of buildings to be marked."""
-    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = new_axes(7.2, 5.2)
+    units = units.in_figures
     draw_suite(axes, scaling, units)
-    if periods:
-        mark_first_periods(axes, periods)
-        axes.legend(loc="lower left")
+    mark_first_periods(axes, periods)
     target = ""
     if scaling.target is not None:
         source = scaling.target.source
@@ -224,9 +196,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
         axes.plot(scaling.periods, units.of(others, "m/s^2").T, zorder=0.5, **other_style)
         axes.set_ylim(limits)
     axes.set(xlim=(periods[0], periods[-1]), xlabel="period (s)")
-    axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
-    add_gravity_axis(axes, "Sa", units.unit("m/s^2")[0])
-    axes.legend(loc="lower left")
+    axes.set_ylabel(psa_label(units))
 
 
 def _draw_target(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
@@ -237,7 +207,7 @@ def _draw_target(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:
         target, psa = scaling.target, units.of(scaling.target.psa, "m/s^2")
-        ends = f"{number_text(scaling.periods[0])} to {number_text(scaling.periods[-1])} s"
+        ends = f"{scaling.periods[0]:.3g} to {scaling.periods[-1]:.3g} s"
         label = f"range of the rule, {ends}"
         axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0, label=label)
         axes.plot(target.periods, psa, color=red, linewidth=2.2, label="target", zorder=5)

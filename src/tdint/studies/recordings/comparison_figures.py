@@ -52,17 +52,10 @@ def comparison_picture(
     has_overview = floor_count > MAX_ROWS
     if has_overview:
         rows = sorted(rows, key=lambda row: row.floor.correlation)[:WORST_ROWS]
-    # A row of panels is 1.55 inches high. If the figure has the width of a column of a page, the
-    # panels of a floor are on two lines, and the labels are wrapped to more lines.
-    row_height = 4.4 if style.is_narrow() else 1.55
-    height = 1.5 + row_height * len(rows) + (2.6 if has_overview else 0.0)
-    figure = Figure(figsize=(7.5, height), layout="constrained")
-    upper: Any = figure
+    heights = [(1.55, (4, 3, 3))] * len(rows) + [(1.6, (1, 1))] * has_overview
+    figure, panels = style.new_panels(7.5, *heights)
     if has_overview:
-        subfigures: Any = figure.subfigures(2, 1, height_ratios=(row_height * len(rows), 2.6))
-        upper, lower = subfigures
-        _draw_overview(lower.subplots(2, 1, sharex=True), comparisons)
-    panels = _floor_panels(upper, len(rows))
+        _draw_overview(panels.pop(), comparisons)
     for row, row_panels in zip(rows, panels, strict=True):
         _draw_floor(row_panels, row, units, period, name_event=len(comparisons) > 1)
     for axes, label in zip(panels[-1], ("time (s)", "time (s)", "period (s)"), strict=True):
@@ -87,20 +80,6 @@ def comparison_picture(
         figure,
         f"{response.model.name} and {style.record_name(recording.source)}\n{', '.join(facts)}",
     )
-
-
-def _floor_panels(figure: Any, count: int) -> list[list[Any]]:
-    """Return the panels of `count` floors: history, close-up and spectra of each floor. In one
-    column of a page, the history is above the two other panels."""
-    if not style.is_narrow():
-        rows = figure.subplots(count, 3, squeeze=False, width_ratios=(2.0, 1.3, 1.5))
-        return [list(row) for row in rows]
-    grid = figure.add_gridspec(2 * count, 2)
-    return [
-        [figure.add_subplot(grid[2 * i, :])]
-        + [figure.add_subplot(grid[2 * i + 1, column]) for column in range(2)]
-        for i in range(count)
-    ]
 
 
 class _FloorRow(NamedTuple):
@@ -130,7 +109,7 @@ def _draw_floor(
     _draw_histories(close_up, floor, units)
     close_up.set_xlim(*_strongest_cycles(comparison))
     # Next to the history, the close-up has its axis.
-    close_up.tick_params(labelleft=style.is_narrow())
+    close_up.tick_params(labelleft=close_up.get_subplotspec().is_first_col())
     for values, color, width in (
         (spectra.recorded, RECORDED, 1.5),
         (spectra.computed, COMPUTED, 0.9),
@@ -159,10 +138,9 @@ def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
     correlation_axes.set_title("all floors, the highest dark", loc="left", fontsize=8.5)
     ratio_axes.set_ylabel("peaks, computed\ndivided by recorded")
     ratio_axes.axhline(1.0, color=style.LIGHT, linewidth=0.8)
-    ratio_axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
-    ratio_axes.set_xlabel(
-        "event, in the order of the command line" if len(comparisons) > 1 else "floor"
-    )
+    for axes in panels:
+        axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+        axes.set_xlabel("event, in the order of the input" if len(comparisons) > 1 else "floor")
 
 
 def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:

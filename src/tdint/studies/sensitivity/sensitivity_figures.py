@@ -24,13 +24,9 @@ def sensitivity_picture(
         Results of `tdint.studies.sensitivity.sensitivity.parameter_effects`; at least one.
     """
     parameters = len({effect.parameter for effect in parameter_effects})
-    # In one column of a page, the four panels are below each other.
-    if style.is_narrow():
-        rows, columns, height = 4, 1, 4 * (1.4 + 0.65 * parameters)
-    else:
-        rows, columns, height = 2, 2, 2.2 + 0.56 * parameters
-    figure = Figure(figsize=(7.2, height), layout="constrained")
-    for axes, name in zip(figure.subplots(rows, columns).flat, QUANTITY_LABELS, strict=True):
+    height = 2.2 + 0.56 * parameters
+    figure, (panels,) = style.new_panels(7.2, (height, (1,) * 4), share="y", columns=2)
+    for axes, name in zip(panels, QUANTITY_LABELS, strict=True):
         effects = [effect for effect in parameter_effects if effect.quantity.name == name]
         _tornado(axes, effects, units)
     return style.titled(
@@ -43,6 +39,7 @@ def sensitivity_picture(
 def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: OutputUnits) -> None:
     """Plot a tornado diagram: a bar from the low to the high value for each varied parameter."""
     first = parameter_effects[0]
+    is_first = first.quantity.name == next(iter(QUANTITY_LABELS))
     if first.quantity.unit == "1":
         factor, unit = 100.0, "%"
     else:
@@ -64,17 +61,16 @@ def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: Out
                 left=effect.as_it_is * factor,
                 height=0.62,
                 color=color,
-                label=f"{name} value" if row == 0 else None,
+                label=f"{name} value" if is_first and row == 0 else None,
                 zorder=order,
             )
     axes.axvline(first.as_it_is * factor, color=style.LIGHT, linewidth=0.8)
     names = [
-        f"{effect.parameter}\n{effect.low:g} to {effect.high:g}" for effect in parameter_effects
+        f"{effect.parameter.replace('_', ' ')}\n{effect.low:g} to {effect.high:g}"
+        for effect in parameter_effects
     ]
     axes.set_yticks(range(len(parameter_effects)), names, fontsize=7.0)
-    axes.invert_yaxis()
+    axes.set_ylim(len(names) - 0.5, -0.5)  # the first parameter is at the top
     axes.margins(x=0.08)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(f"{QUANTITY_LABELS[first.quantity.name]} ({unit})")
-    if first.quantity.name == next(iter(QUANTITY_LABELS)):
-        axes.legend(fontsize=7.0, loc="best")
