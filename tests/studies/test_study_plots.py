@@ -116,7 +116,7 @@ PAIR = Horizontals(record(0), record(1))
                    periods=np.geomspace(0.2, 2.0, 5)),
              ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"]),
             (scale_p695([PAIR] * 3, sa(1.0), 2.0),
-             ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 0.2039 g"]),
+             ["6 components", "FEMA P-695, scaled to", "Sa(1.00 s) = 0.2039 g"]),
             (
                 Scaling(
                     (PAIR,) * 11,

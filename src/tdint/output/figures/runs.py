@@ -86,7 +86,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         rows.append((1.9, (1,) * (bool(model.attachments) + bool(model.links))))
     # The loop of a linear law is a straight line.
     has_loop = model.matrices is not None or not all(map(is_linear, model.stories))
-    figure, panels = new_panels(8.0, *rows, (3.4, (5, 4, 4, 7) if has_loop else (1, 1, 1)))
+    figure, panels = new_panels(8.0, *rows, (3.4, (1,) * (3 + has_loop)))
     upper = [axes for (axes,) in panels[:upper_count]]
     (roof,), (energies,) = panels[upper_count : upper_count + 2]
     if response.record is not None:

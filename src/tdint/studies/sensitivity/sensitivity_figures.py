@@ -23,6 +23,7 @@ def sensitivity_picture(
     parameter_effects : sequence of ParameterEffect
         Results of `tdint.studies.sensitivity.sensitivity.parameter_effects`; at least one.
     """
+    units = units.in_figures
     parameters = len({effect.parameter for effect in parameter_effects})
     height = 2.2 + 0.56 * parameters
     figure, (panels,) = style.new_panels(7.2, (height, (1,) * 4), share="y", columns=2)
