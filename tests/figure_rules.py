@@ -25,7 +25,8 @@ def findings(figure: Figure, *, printed: bool) -> list[str]:
     """Return the broken rules of a figure; `printed` adds the rules of a page."""
     figure.dpi = 100
     FigureCanvasAgg(figure)
-    figure.draw_without_rendering()
+    for _ in range(2):  # as for a file: ticks depend on the sizes of the panels, and vice versa
+        figure.draw_without_rendering()
     found = [*_texts(figure), *(text for panel in panels_of(figure) for text in _panel(panel))]
     height = 25.4 * figure.get_figheight()
     if printed and height > MAX_PAGE + 0.1:

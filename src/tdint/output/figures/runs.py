@@ -80,7 +80,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     # The first rows contain the ground motion and the forces.
     has_loads = bool(model.excitation.tables)
     upper_count = (response.record is not None) + has_loads
-    rows: list[tuple[float, tuple[int, ...]]] = [(1.25, (1,))] * upper_count
+    rows: list[tuple[float, tuple[int, ...]]] = [(1.4, (1,))] * upper_count
     rows += [(1.5 if upper_count else 2.7, (1,)), (1.7, (1,))]
     if history.devices is not None:
         rows.append((1.9, (1,) * (bool(model.attachments) + bool(model.links))))

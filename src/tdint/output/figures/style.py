@@ -335,8 +335,10 @@ def _fixed_layout(figure: Figure, dpi: float) -> Iterator[None]:
     engine, before = figure.get_layout_engine(), figure.dpi
     figure.dpi = dpi
     try:
-        if engine:
-            engine.execute(figure)
+        # Ticks depend on the size of the panels, which depends on the labels of the ticks.
+        for layout in (engine, engine):
+            if layout:
+                layout.execute(figure)
         figure.set_layout_engine(None)
         yield
     finally:

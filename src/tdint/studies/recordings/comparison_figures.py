@@ -52,7 +52,7 @@ def comparison_picture(
     has_overview = floor_count > MAX_ROWS
     if has_overview:
         rows = sorted(rows, key=lambda row: row.floor.correlation)[:WORST_ROWS]
-    heights = [(1.55, (4, 3, 3))] * len(rows) + [(1.6, (1, 1))] * has_overview
+    heights = [(1.8, (4, 3, 3))] * len(rows) + [(1.6, (1, 1))] * has_overview
     figure, panels = style.new_panels(7.5, *heights)
     if has_overview:
         _draw_overview(panels.pop(), comparisons)
