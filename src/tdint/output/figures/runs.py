@@ -86,7 +86,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         rows.append((1.9, (1,) * (bool(model.attachments) + bool(model.links))))
     # The loop of a linear law is a straight line.
     has_loop = model.matrices is not None or not all(map(is_linear, model.stories))
-    figure, panels = new_panels(8.0, *rows, (3.4, (1,) * (3 + has_loop)))
+    figure, panels = new_panels(8.0, *rows, (3.4, (5, 5, 5, 6) if has_loop else (1, 1, 1)))
     upper = [axes for (axes,) in panels[:upper_count]]
     (roof,), (energies,) = panels[upper_count : upper_count + 2]
     if response.record is not None:
@@ -260,6 +260,8 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     axes.plot(history.time, factor * total_input, color=INK, linewidth=1.2, label="input")
     axes.set(ylabel=f"energy ({unit})", xlabel="time (s)", xlim=(history.time[0], history.time[-1]))
     axes.legend(reverse=True)
+    # The number of ticks must not depend on the width, which depends on their labels.
+    axes.xaxis.set_major_locator(MaxNLocator(8))
     if np.any(total_input):
         percent = float(f"{100.0 * abs(response.energy.error):.1g}")
         error = f"energy balance error {table_number(percent)} %"
@@ -422,7 +424,7 @@ def _draw_loop(
     axes.axhline(0.0, **ZERO)
     axes.axvline(0.0, **ZERO)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
-    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
 
 
 def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
