@@ -43,7 +43,7 @@ ELSEWHERE = {
 """Names of other programs and of users, by the place in which they exist."""
 
 MADE_UP = re.compile(
-    r"_m_s2?$|_period_s$|^_(?:MN|lbf|tf|tonf|kgf)$|_error$|_J$|_N$|_m$|_g$|_independent$|_correlated$|^gmv_|FACTOR|KEY|^CI\.|^NZ\.|^HNE$|^hne$"
+    r"_m_s2?$|_period_s$|^_(?:MN|lbf|tf|tonf|kgf)$|_error$|_J$|_Nm?$|_m$|_g$|_independent$|_correlated$|^gmv_|FACTOR|KEY|^CI\.|^NZ\.|^HNE$|^hne$"
     r"|^OUT\.|^TDINT_|^DASK_|^tls_|^matplotlibrc$|\.csv$|\.$"
 )
 """Columns, codes and variables whose names are composed, and placeholders in capital letters."""

@@ -145,7 +145,7 @@ def test_wrapped_commands_are_equivalent(maker):
 def test_the_first_page_installs_without_a_checkout(maker, pages, monkeypatch):
     assert "pip install PATH/OF/TDINT\n" in pages["README.md"]
     assert "pip install -q ." not in pages["README.md"]
-    parts = ["## Install", "pip install", "requires Python", "![Histories", "tdint init"]
+    parts = ["## Install", "pip install", "Python 3.11 or newer", "![Histories", "tdint init"]
     text = (readmes.ROOT / "README.md").read_text("utf-8")
     addresses = {"repository": "https://example.org/tdint", "site": "https://example.org/pages"}
     monkeypatch.setattr(maker, "addresses", lambda: addresses)

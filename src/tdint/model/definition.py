@@ -721,16 +721,31 @@ class Model:
             raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
 
     def file_value(self, name: str, value: float | str) -> float:
-        """Return the value of a parameter in SI units, like `si_value`, from a text or a number in
-        the units of the file."""
+        """Return the value of a parameter in SI units, like `si_value`.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        value : float or str
+            Text, or number in the units of the file.
+        """
         number = number_or_nan(value) if isinstance(value, str) else float(value)
         if math.isfinite(number):
             return number * self.unit_of(name)[1]
         return self.si_value(name, value)
 
     def unit_of(self, name: str, named: OutputUnits | None = None) -> tuple[str, float]:
-        """Return the unit of a parameter, in the units of the file or in `named`, and its factor to
-        SI units; an empty text and 1 for a factor or a ratio. UsageError as by `si_value`."""
+        """Return the unit of a parameter and its factor to SI units; an empty text and 1 for a
+        factor or a ratio. UsageError as by `si_value`.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        named : OutputUnits, optional
+            Units instead of those of the file.
+        """
         unit, units = self._units_of(name, named)
         return unit, units.get(unit, 1.0)
 

@@ -812,8 +812,14 @@ class Case(Described):
         ]
 
     def is_settled(self, time: float) -> NDArray[np.bool_]:
-        """Return True, in an array without axes, if a run that ends at a time (s) has no residual
-        drifts (`PreparedBuilding.settled`)."""
+        """Return True, in an array without axes, if a run has no residual drifts
+        (`PreparedBuilding.settled`).
+
+        Parameters
+        ----------
+        time : float
+            End of the run, s.
+        """
         return np.asarray(self.prepared.settled(self.model, np.array([time]))[0])
 
     @property

@@ -196,9 +196,14 @@ class StoryPeaks(WithTable, StoryValues):
     isolator: Array
 
     def settled(self, is_settled: NDArray[np.bool_]) -> "StoryPeaks":
-        """Return the peaks with residual drifts of zero where a run ends without forces on a
-        building that rests at zero (`Building.rests_at_zero`); `is_settled` is one value or one per
-        run. The drift at the end is vibration."""
+        """Return the peaks with residual drifts of zero where the drift at the end is vibration.
+
+        Parameters
+        ----------
+        is_settled : ndarray of bool
+            True for runs that end without forces on a building that rests at zero
+            (`Building.rests_at_zero`): one value, or one per run.
+        """
         zero = np.where(is_settled[..., np.newaxis], 0.0, self.residual_drift)
         return replace(self, residual_drift=zero)
 

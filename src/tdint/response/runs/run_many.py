@@ -157,11 +157,10 @@ def run_many(
         Quantities to keep at each time step: `displacement`, `velocity` (relative to the ground)
         and `absolute_acceleration` of the floors; `drift`, `shear`, `damper_force` and
         `total_shear` of the stories, `element_force` of stories with several elements (arrays over
-        the elements, in the order of `History.element_labels`), and `device_drift` and the other
-        fields of `History.devices` of attachments and then links. True keeps all quantities. As in
-        `run`, a history has all rows
-        to the end of the run, which continues after the record while a peak could grow
-        (`Runs.record_rows` is the number of rows up to the end of the record).
+        the elements, in the order of `History.element_labels`), and of attachments and then links
+        the fields of `History.devices` with the prefix device_. True keeps all quantities. As in
+        `run`, a history has all rows to the end of the run, which continues after the record while
+        a peak could grow (`Runs.record_rows` is the number of rows up to the end of the record).
     every : int, default 1
         Keep every N-th step, from the start.
     out : ndarray or mapping of str to ndarray, or str or Path, optional
