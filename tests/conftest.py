@@ -31,6 +31,9 @@ os.environ.setdefault(
 # Runs wait until their loops are compiled. By default, a short run is interpreted meanwhile.
 os.environ.setdefault("TDINT_COMPILE", "wait")
 
+# Reports of all tests have the same date, 14 November 2023, also at midnight.
+os.environ.setdefault("SOURCE_DATE_EPOCH", "1700000000")
+
 # If each test process has one processor, threads of linear algebra only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import AnyStr
 
 from tdint.errors import UsageError, did_you_mean
@@ -99,6 +99,11 @@ def abbreviate(names: Sequence[str], limit: int) -> str:
     `a, b and 7 more`."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
+
+
+def quoted_names(names: Iterable[str]) -> list[str]:
+    """Return names for a list, with names that contain a comma in quotation marks."""
+    return [repr(name) if "," in name else name for name in names]
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:

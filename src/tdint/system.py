@@ -250,6 +250,14 @@ def _make_private(folder: Path) -> None:
         folder.mkdir(exist_ok=True, mode=0o700)
 
 
+def date() -> str:
+    """Return the date of `SOURCE_DATE_EPOCH` (s since 1970, UTC; reproducible-builds.org), or
+    today's date, as YYYY-MM-DD."""
+    seconds = os.environ.get("SOURCE_DATE_EPOCH", "")
+    day = time.gmtime(int(seconds)) if seconds.isdecimal() else time.localtime()
+    return time.strftime("%Y-%m-%d", day)
+
+
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
     """Remove files and directories of the cache that have not been used for some time.
 

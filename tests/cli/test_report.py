@@ -246,8 +246,9 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
     stories = rows(tdint("run", "kilo.yaml", "--report", "page.html", code=0).stdout)
     found = page("page.html")
     assert "Project: tower" in found.text and "Author: A. B." in found.text
-    # Equal stories are one sentence.
-    assert "All stories: mass 200 t, height 3.5 m, stiffness 200000 kN/m, law linear." in found.text
+    # Equal stories are one row.
+    (equal,) = table_with(found, "story", "law")
+    assert list(equal.values()) == ["1 to 2", "200", "3.5", "200000", "linear"]
     shears = [f"{float(row['peak_total_shear_N']) / 1e3:.4g}" for row in stories]
     assert [
         row["peak total shear (kN)"] for row in table_with(found, "peak total shear (kN)")
@@ -262,8 +263,10 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
     tdint("run", "kilo.yaml", "--report", "us.html", "--output-units", "kip,in", code=0)
     found = page("us.html")
     assert table_with(found, "peak total shear (kip)")
-    (stiffness,) = re.findall(r"All stories: .* stiffness ([0-9.]+) kip/in", found.text)
-    assert float(stiffness) == pytest.approx(2e8 * 0.0254 / 4448.2216152605, rel=1e-3)
+    (equal,) = table_with(found, "story", "law")
+    assert float(equal["stiffness (kip/in)"]) == pytest.approx(
+        2e8 * 0.0254 / 4448.2216152605, rel=1e-3
+    )
     Path("kilo.yaml").write_text(text.replace("Project: tower", "tower"))
     tdint.refused("kilo.yaml:3:9: report", "run", "kilo.yaml", "-q", code=3)
 
@@ -401,9 +404,9 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
         == [row["stiff (%)"] for row in drifts]
         == [f"{1e2 * float(row['mean']):.4g}" for row in means if row["building"] == "shaken"]
     )
-    # The buildings have a common list, without a building that the others are compared with.
-    assert ">Buildings</h2>" in found.source and "Other buildings" not in found.text
-    assert "stiff: 2 stories" in found.text
+    # The first building has a table; the other is compared with it.
+    assert "Building: shaken" in found.text and "Stories as of shaken." in found.text
+    assert "Building: stiff" in found.text
     # The largest estimated error of the runs, with two digits
     (error,) = re.findall(r"largest estimated error of a maximum drift is ([0-9.]+) %", found.text)
     errors = [

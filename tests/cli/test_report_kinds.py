@@ -57,7 +57,7 @@ UNCHECKED = ("Assumptions", "Methods and assumptions", "Inputs", "Notes")
 def sentences_and_cells(text: str) -> list[tuple[str, str, float]]:
     """Return the printed values of a report with their units, and the maximum of their column."""
     text = re.sub(
-        r"<style>.*?</style>|<title>.*?</title>|<img[^>]*>|<p class=\"w\">.*?</p>",
+        r"<style>.*?</style>|<title>.*?</title>|<img[^>]*>|<p class=\"[hw]\">.*?</p>",
         "",
         text,
         flags=re.DOTALL,
@@ -223,8 +223,7 @@ def check_building(found: Page, name: str) -> None:
         assert f"first period {number_text(2.0 * math.pi / omega)} s" in found.text
         if not name.startswith("fragility"):
             assert f"{100.0 * damping:.3g} % damping" in found.text
-            # Properties that all stories have in common, or those of another building, are a
-            # sentence.
+            # Properties that all stories have in common have one row for a range of stories.
             stories = {
                 row[table[0].index("story")]
                 for table in found.tables
@@ -232,8 +231,9 @@ def check_building(found: Page, name: str) -> None:
                 for row in table[1:]
             }
             assert {str(story) for story in range(1, len(model.stories) + 1)} <= stories
+            cells = " ".join(cell for table in found.tables for row in table for cell in row)
             assert {story.law.name for story in model.stories} <= set(
-                re.findall(r"[\w-]+", found.text)
+                re.findall(r"[\w-]+", f"{found.text} {cells}")
             )
     if name == "region":
         buildings = {row["building"] for row in rows("out/runs.csv")}
@@ -342,4 +342,4 @@ def test_the_pages_answer_the_questions_of_a_checking_engineer(
     check_method(found, name)
     assert all(text.split(". ")[-1] in found.text for text in MODEL_LIMITS)
     # The first paragraph of a report is its result.
-    assert re.search(r'</h1>\s*<p class="v', found.source)
+    assert re.search(r'</h1>\s*<p class="h">.*</p>\s*<p class="v', found.source)

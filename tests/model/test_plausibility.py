@@ -6,11 +6,12 @@ import io
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
-from tdint.model.plausibility import plausibility_warnings
+from tdint.model.plausibility import plausibility_warnings, unusual_ductility
 from tdint.units import FORCE, LENGTH, MASS, STANDARD_GRAVITY
 
 
@@ -346,3 +347,36 @@ def test_attachments_and_links_are_compared_with_their_purpose(item, key, value,
         )
         texts = plausibility_warnings(model, assemble(model))
         assert any(warning in text for text in texts) == bool(change), texts
+
+
+def test_an_unusual_ductility_is_judged_by_the_yield_point():
+    """The first point of a backbone is the crack at a tenth of the strength. The secant at 60 % of
+    the strength gives the yield point: the drift .01 m at 300 kN extends to 1/60 m at 500 kN."""
+    points = [(0.0001, 50e3), (0.01, 300e3), (0.03, 500e3), (0.2, 100e3)]
+    pinching = {"drift": 0.5, "force": 0.5, "unloading": 0.0}
+    backbones = {
+        "multilinear-pinching": {
+            "pinching": pinching,
+            "backbone": [[drift, force] for drift, force in points],
+        },
+        "multilinear": {"rule": "kinematic", "backbone": [list(point) for point in points[:3]]},
+    }
+    for name, law in backbones.items():
+        story = {"mass": 1e5, "height": 3.0, "law": {"type": name} | law}
+        model = load_model({"stories": [story]})
+        first = assemble(model).yield_drift
+        assert first == pytest.approx([0.0001])
+
+        def warned(drift, model=model, first=first):
+            return unusual_ductility(model, first, np.array([drift]) / first)
+
+        limit = 50.0 / 60.0  # m, 50 times the yield point
+        assert warned(0.999 * limit) == []  # a ductility of 8325 by the first point
+        (text,) = warned(1.001 * limit)
+        assert "in story 1" in text and "8.34e+03" in text
+    # Without a backbone, the yield drift is the yield point.
+    law = {"type": "bilinear", "yield_force": 50e3, "hardening": 0.0}
+    model = load_model({"stories": [{"mass": 1e5, "stiffness": 5e8, "height": 3.0, "law": law}]})
+    first = assemble(model).yield_drift
+    assert unusual_ductility(model, first, np.array([49.9])) == []
+    assert unusual_ductility(model, first, np.array([50.1])) != []

@@ -1,6 +1,8 @@
 """The stories of a building in a report: parameters of laws in columns, common properties in a
 sentence, and differences from another building."""
 
+import re
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -36,13 +38,15 @@ def parts(model, base=None):
     return text.partition("counts as collapse. ")[2], tables
 
 
-def test_parameters_are_columns_and_common_ones_a_sentence():
-    text, (table,) = parts(frame())
+def test_parameters_are_columns_and_common_ones_a_row():
+    text, (table, common) = parts(frame())
     assert table.columns == ("story", "height_m", "stiffness_kN_m", "yield_force")
     assert [row[3] for row in table.rows] == pytest.approx([1000, 500, 333.3])
     assert table.meanings["yield_force"]["unit"] == "kN"
-    assert text.startswith("All stories: mass 1e+05 kg, law") and text.endswith(":")
-    assert "law imk, plastic drift 0.05 m, post capping drift 0.1 m, capping ratio 1.1" in text
+    assert text == ""
+    columns = ("story", "mass_kg", "law", "plastic_drift", "post_capping_drift", "capping_ratio")
+    assert common.columns[:6] == columns
+    assert [row[:6] for row in common.rows] == [("1 to 3", 1e5, "imk", 0.05, 0.1, 1.1)]
     # The table of a model contains every parameter.
     assert "ultimate_drift" in model_table(frame(), UNITS).columns
 
@@ -51,8 +55,9 @@ def test_a_variant_shows_its_differences():
     base = frame()
     assert parts(frame(), base) == ("Stories as of frame.", [])
     assert parts(frame(strength=1.5), base) == ("Stories as of frame; yield force 1.5 times.", [])
-    text, tables = parts(frame(dashpots=(5e5, 5e5, 0)), base)
-    assert not tables and "dashpots 500 v (kN; v in m/s) (stories 1 to 2) and none" in text
+    text, (table,) = parts(frame(dashpots=(5e5, 5e5, 0)), base)
+    assert text == "Stories as of frame, except dashpots:"
+    assert table.rows == [("1 to 2", "500 v (kN; v in m/s)"), ("3", "")]
     text, (table,) = parts(frame(heights=(4, 3.5, 3)), base)
     assert text == "Stories as of frame, except height:"
     assert (table.columns, [row[1] for row in table.rows]) == (("story", "height_m"), [4, 3.5, 3])
@@ -85,15 +90,39 @@ def test_a_short_table_is_not_divided_and_a_wide_one_is_continued():
 def test_a_tall_first_figure_is_on_the_first_page():
     """The figure has the space that the text leaves; a figure that fits has its own height."""
 
-    def shown(lines, height):
-        picture = Picture(lambda: Figure(figsize=(4.0, height)), "caption")
+    def shown(lines, height, font=0.0):
+        def draw():
+            figure = Figure(figsize=(4.0, height))
+            if font:
+                figure.text(0.5, 0.5, "text", fontsize=font)
+            return figure
+
+        picture = Picture(draw, "caption")
         chapters = [Chapter("Result", ("line " * 18,) * lines + (picture,))]
         text = page("title", "About.", chapters, PageText(inputs=())).decode()
         return "<section>" in text, text.index("<figure>") < text.index("</body>")
 
-    assert shown(2, 6.0) == (True, True)
-    assert shown(2, 2.0) == (False, True)  # it fits with its own height
+    assert shown(2, 9.5) == (True, True)
+    assert shown(2, 6.0) == (False, True)  # it fits with its own height
     assert shown(30, 6.0) == (False, True)  # too little space remains
+    # Texts of 6.2 points must not become smaller than 6 points, those of 12 points can.
+    assert shown(2, 9.5, 6.2) == (False, True)
+    assert shown(2, 9.5, 12.0) == (True, True)
+
+
+def test_the_texts_of_a_figure_are_printed_with_6_points():
+    def least(width, height, font):
+        def draw():
+            figure = Figure(figsize=(width, height))
+            figure.text(0.5, 0.5, "text", fontsize=font)
+            return figure
+
+        return Picture(draw, "caption").image[1:]
+
+    # Height and least height: a figure of 90 mm keeps its size, one of 360 mm is halved.
+    assert least(90 / 25.4, 2.0, 8.0) == pytest.approx((50.8, 0.75 * 50.8))
+    assert least(360 / 25.4, 4.0, 24.0) == pytest.approx((50.8, 25.4))
+    assert least(360 / 25.4, 4.0, 8.0) == pytest.approx((50.8, 50.8))  # 4 points at any height
 
 
 def test_the_means_of_variants_have_a_column_for_each_building():
@@ -153,12 +182,16 @@ def test_runs_and_ratios_of_variants_have_a_column_for_each_building():
             ("new", "HN2", 0.015, "done"),
         )
     ]
-    _, table = _drifts_of_buildings(runs)
+    # The columns have the order of the campaign, although the runs with a collapse are first.
+    _, table = _drifts_of_buildings(runs, ["new", "old", "without runs"])
     assert table.columns == ("record", "component", "factor", "new", "old")
     assert table.rows == [("a.csv", "HN1", 2.0, 1.0, 2.0), ("a.csv", "HN2", 2.0, 1.5, "collapse")]
+    _, table = _drifts_of_buildings(runs, ["old", "new"])
+    assert table.columns == ("record", "component", "factor", "old", "new")
     # A run without a drift ratio, or a missing run, needs the list of runs.
-    assert _drifts_of_buildings(runs[:3]) == ()
-    assert _drifts_of_buildings([*runs[:3], (*runs[3][:4], None, *runs[3][5:])]) == ()
+    names = ["new", "old"]
+    assert _drifts_of_buildings(runs[:3], names) == ()
+    assert _drifts_of_buildings([*runs[:3], (*runs[3][:4], None, *runs[3][5:])], names) == ()
     columns = ("building", "baseline", "scale", "quantity", "story", "mean_ratio", "motions")
     units = dict.fromkeys(columns, "1")
     text, table = _ratio_parts(
@@ -168,13 +201,38 @@ def test_runs_and_ratios_of_variants_have_a_column_for_each_building():
                 ("new", "old", 1.0, "peak_drift", None, 0.5, 3),
                 ("new", "old", 1.0, "base_shear", None, 1.25, 3),
                 ("new", "old", 1.0, "peak_velocity", None, 1.5, 3),
-                ("weak", "old", 1.0, "peak_drift", None, 2.0, 4),
-                ("weak", "old", 1.0, "base_shear", None, float("nan"), 4.0),
+                ("weak, tall", "old", 1.0, "peak_drift", None, 2.0, 4),
+                ("weak, tall", "old", 1.0, "base_shear", None, float("nan"), 4.0),
             ],
         )
     )
-    assert "those of old" in text and "(new 3, weak 4" in text
-    assert table.columns == ("scale", "quantity", "new", "weak")
+    assert "those of old" in text and "(new 3, 'weak, tall' 4" in text
+    assert table.columns == ("scale", "quantity", "new", "weak, tall")
     # Without drift ratios, the drifts are listed.
     assert len(table.rows) == 2 and table.rows[0] == (1.0, "peak drift", 0.5, 2.0)
     assert table.rows[1][:3] == (1.0, "base shear", 1.25)
+
+
+def test_a_page_has_a_date_and_no_options(monkeypatch):
+    """Clauses on options are for the user of the command; the rest of the message remains."""
+
+    def shown(*texts, head=()):
+        text = PageText(texts, inputs=(), head=head)
+        return page("title", "About.", [text.result()], text).decode()
+
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "951782400")  # 29 February 2000
+    assert shown().count("<strong>Date:</strong> 2000-02-29<") == 1
+    assert "2000-02-29" not in shown(head=(("Date", "May 2026"),))
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    assert re.search(r"<strong>Date:</strong> 20\d\d-\d\d-\d\d<", shown())
+    found = {
+        "not estimated (--no-check).": "not estimated.",
+        "one run estimates the errors; --no-check omits it": "one run estimates the errors",
+        "larger demand (larger; --pair-demand mean changes this)": "larger demand (larger)",
+        "no levels; use --fit cloud, or --im. Then": "no levels. Then",
+        "a ramp or an offset (--baseline linear), or a trend": "a ramp or an offset, or a trend",
+        "no runs, add --overwrite": "no runs",
+        "a story - the first -- yields": "a story - the first -- yields",
+    }
+    for text, right in found.items():
+        assert f"<li>{right}</li>" in shown(text)

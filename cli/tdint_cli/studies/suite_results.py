@@ -14,7 +14,7 @@ from tdint.errors import AnalysisError, TdintError
 from tdint.files import Content
 from tdint.ground_motion.origin import MotionOrigin, matched_clause
 from tdint.model.limits import LimitCheck, chosen_limits, uniform_drift_limit
-from tdint.number_parsing import abbreviate, number_text, pluralize
+from tdint.number_parsing import abbreviate, number_text, pluralize, quoted_names
 from tdint.output import figures
 from tdint.output.page import PageText, page_units
 from tdint.output.run_summary import LIMIT_MEANINGS
@@ -462,7 +462,7 @@ class SuiteResults:
             outcomes: dict[str, bool] = {}
             for profile, verdict in self.verdicts(units):
                 if verdict.met is not None:
-                    name = self.building(profile)
+                    (name,) = quoted_names([self.building(profile)])
                     outcomes[name] = outcomes.get(name, True) and verdict.met
             lists = [
                 f"{text} {abbreviate([name for name, met in outcomes.items() if met is wanted], 8)}"

@@ -6,6 +6,7 @@ Most unusual values are caused by wrong units. Unusual buildings cause warnings 
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -702,6 +703,48 @@ def unusual_stories(usual_range: UsualRange, values: Array | Sequence[float]) ->
         usual_range,
         {f"story {number}": value for number, value in enumerate(values_by_story, start=1)},
     )
+
+
+def unusual_ductility(model: Model, yield_drift: Array, ductility: Array) -> list[str]:
+    """Return a warning about the stories with an unusual ductility; empty if all are usual.
+
+    The first point of a backbone can be the crack. The ductility of such a story is therefore
+    judged by its yield point: strength over secant stiffness at 60 % of it (ASCE 41-17,
+    7.4.3.2.4).
+
+    Parameters
+    ----------
+    yield_drift : array, shape (n,)
+        Drift to which the ductility of each story refers, m.
+    ductility : array, shape (n,)
+        Ductility of each story; nan if it is not judged.
+    """
+    usual_range = USUAL["ductility"]
+    if not unusual_stories(usual_range, ductility):
+        return []
+    judged = ductility.copy()
+    for i, story in enumerate(model.stories):
+        points = [_yield_point(spring.law.values) for spring in story.springs]
+        yield_point = min(filter(None, points), default=0.0)
+        if usual_range.contains(ductility[i] * yield_drift[i] / max(yield_point, yield_drift[i])):
+            judged[i] = math.nan
+    return unusual_stories(usual_range, judged)
+
+
+def _yield_point(values: Mapping[str, float]) -> float:
+    """Return the drift of the yield point of a backbone of points, m, from the parameters of the
+    law by name; 0 for another law."""
+    drifts, forces = (
+        [0.0, *(values[name] for name in values if re.fullmatch(rf"backbone\[\d+\].{what}", name))]
+        for what in ("drift", "force")
+    )
+    last = forces.index(max(forces)) + 1
+    secant_force = _SECANT * max(forces)
+    return float(np.interp(secant_force, forces[:last], drifts[:last])) / _SECANT
+
+
+_SECANT = 0.6
+"""Force at which the secant of a backbone determines its yield point, over the strength."""
 
 
 def unusual(usual_range: UsualRange, values: Mapping[str, float]) -> list[str]:

@@ -18,6 +18,7 @@ from tdint.number_parsing import table_number
 from tdint.output import figures
 from tdint.output.summary import files_read, versions
 from tdint.output.tables.table import TEXT, Cell, Table, converted
+from tdint.system import date
 from tdint.units import OutputUnits, suffix
 
 if TYPE_CHECKING:
@@ -51,10 +52,13 @@ class Picture:
     caption: str
 
     @cached_property
-    def image(self) -> tuple[str, float]:
-        """HTML image, and its height divided by its width. The format is PNG if lines with
-        thousands of points make the SVG file large.
+    def image(self) -> tuple[str, float, float]:
+        """HTML image, its printed height, mm, and the smallest height at which its texts have 6 pt.
+        The format is PNG if lines with thousands of points make the SVG file large.
         """
+        # Imported here, because most commands plot nothing.
+        from matplotlib.text import Text
+
         for image_format in ("svg+xml", "png"):
             # The first three characters are the file extension of the format.
             drawing, stream = figures.style.picture(f".{image_format[:3]}", self.draw), io.BytesIO()
@@ -63,9 +67,13 @@ class Picture:
             if len(stream.getvalue()) <= _MAX_SVG:
                 break
         data = base64.b64encode(stream.getvalue()).decode("ascii")
-        width, height = figure.get_size_inches()
-        source = f"data:image/{image_format};base64,{data}"
-        return f'<img alt="{escape(self.caption)}" src="{source}">', height / width
+        width, height = 25.4 * figure.get_size_inches()
+        scale = min(1.0, _WIDTH / width)
+        texts = [text for text in figure.findobj(Text) if isinstance(text, Text)]
+        sizes = [float(text.get_fontsize()) for text in texts if text.get_text()]
+        least = height * min(scale, _LEAST_FONT / min(sizes, default=math.inf))
+        source = f'src="data:image/{image_format};base64,{data}" style="--least: {least:.0f}mm"'
+        return f'<img alt="{escape(self.caption)}" {source}>', height * scale, least
 
 
 Part = str | Table | Picture | Sequence[str]
@@ -160,11 +168,11 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
         dict.fromkeys((item["file"], item["sha256"]) for item in page_text.inputs)
     )
     body = [f"<h1>{escape(title)}</h1>"]
-    if page_text.head:
-        lines = (
-            f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
-        )
-        body.append(f'<p class="h">{"<br>".join(lines)}</p>')
+    # A line of the user can state another date.
+    has_date = any(name.casefold() == "date" for name, _ in page_text.head)
+    head = page_text.head if has_date else (*page_text.head, ("Date", date()))
+    lines = (f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in head)
+    body.append(f'<p class="h">{"<br>".join(lines)}</p>')
     # CSS classes of the verdict, which is the first paragraph. Warnings precede all numbers.
     classes = {None: "v", True: "v kept", False: "v broken"}
     body += [f'<p class="{classes[met]}">{_html(text)}</p>' for met, text in page_text.verdict]
@@ -182,9 +190,11 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
             body.append(_part(part))
             if isinstance(part, Picture) and not has_figure:
                 has_figure = True
-                # A tall figure is reduced to the space below the text of the first page.
+                # A tall figure is reduced to the space below the text of the first page, if its
+                # texts can still be read.
                 above = sum(map(_estimated_height, body[:-1]))
-                if above < _MAX_TEXT < above + _WIDTH * part.image[1]:
+                _, height, least = part.image
+                if above < _MAX_TEXT and above + least < _MAX_PAGE < above + height:
                     body[:] = ["<section>", *body, "</section>"]
     body.append(f"<p>Made by {escape(software)}.</p>")
     text = (
@@ -212,6 +222,12 @@ _WIDTH = 180.0
 _MAX_TEXT = 185.0
 """Maximum height of the text before the first figure, mm, if the figure is on the first page."""
 
+_MAX_PAGE = 250.0
+"""Maximum height of the text and the first figure on the first page, mm."""
+
+_LEAST_FONT = 6.0
+"""Smallest printed size of the texts of a figure, points."""
+
 
 def _has_content(part: Part) -> bool:
     """Return True unless a part of a report is an empty text, an empty list or a table without
@@ -233,8 +249,17 @@ def _part(part: Part) -> str:
 
 
 def _html(text: str) -> str:
-    """Return a text as HTML, with its line breaks and with numbers without powers of ten."""
+    """Return a text as HTML, with its line breaks, with numbers without powers of ten, and without
+    clauses on options of the command line, which readers of a report do not know."""
+    text = _OPTIONS.sub("", text)
     return "<br>".join(escape(_keep_units(_plain(line))) for line in text.splitlines())
+
+
+_CLAUSE = r"[^;()\n]*?(?<![\w-])--[a-z](?:[^;().\n]|\.(?=\w))*"
+_OPTIONS = re.compile(
+    rf" \({_CLAUSE}\)|; {_CLAUSE}|(?<=\(){_CLAUSE}; |, [^,;()\n]*?--[a-z][^;().\n]*"
+)
+"""Clause of a message that names an option, such as `; --no-check omits it`."""
 
 
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=%|(?:kN|kip|mm|kg|Hz|m|in|ft|s|g|t|N)(?![\w]))")

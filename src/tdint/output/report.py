@@ -108,14 +108,15 @@ def model_chapter(
         facts += f" Values instead of those of the model file: {', '.join(changed)}."
     devices = buildings.device_model_table(model, units)
     text, stories = _story_parts(model, units, base)
-    parts: list[Part] = [f"{facts} {text}".rstrip()]
-    parts += [table for table in (stories, devices) if table is not None]
+    tables = [*stories, *([devices] if devices else [])]
+    parts: list[Part] = [f"{facts} {text}".rstrip(), *tables]
     return Chapter(f"Building: {model.name}", parts)
 
 
-def _story_parts(model: Model, units: OutputUnits, base: Model | None) -> tuple[str, Table | None]:
+def _story_parts(model: Model, units: OutputUnits, base: Model | None) -> tuple[str, list[Table]]:
     """Return the properties of the stories: sentences on properties that equal the properties of
-    another building or their multiples, or are common to all stories, and a table of the rest.
+    another building or their multiples, a table of the properties that differ between the stories,
+    and a table of the others, with ranges of stories.
 
     Additional stories, such as isolators, are below the stories of the other building.
     """
@@ -140,15 +141,14 @@ def _story_parts(model: Model, units: OutputUnits, base: Model | None) -> tuple[
             texts.append("story 1" if added == 1 else f"stories 1 to {added}")
         elif len(names) > 1:
             texts[0] += f", except {', '.join(_label(table, name) for name in names[1:])}"
-    names = ["story", *(name for name in names[1:] if any(_cells(table, name)))]
-    common = {name: text for name in names[1:] if (text := _common_text(table, name))}
-    if uniform := [text for text in common.values() if "(stories" not in text]:
-        texts.append(f"all stories: {', '.join(uniform)}")
-    texts += [text for text in common.values() if text not in uniform]
-    names = [name for name in names if name not in common]
-    has_table = len(names) > 1
-    text = "; ".join(texts) + (":" if has_table else ".") if texts else ""
-    return text[:1].upper() + text[1:], table.chosen(names) if has_table else None
+    names = [name for name in names[1:] if any(_cells(table, name))]
+    common = [name for name in names if _is_common(table, name)]
+    differing = [name for name in names if name not in common]
+    tables = [table.chosen(["story", *differing])] if differing else []
+    if common:
+        tables.append(_with_ranges(table.chosen(["story", *common])))
+    text = "; ".join(texts) + (":" if tables else ".") if texts else ""
+    return text[:1].upper() + text[1:], tables
 
 
 def _label(table: Table, name: str) -> str:
@@ -181,24 +181,22 @@ def _common_factor(cells: Sequence[Cell], of_base: Sequence[Cell]) -> str:
     return ratios.pop() if len(ratios) == 1 else ""
 
 
-def _common_text(table: Table, name: str) -> str:
-    """Return a clause on a property that all stories have in common, or on a text that applies to
-    two ranges of stories; empty for another property and for a single story."""
+def _is_common(table: Table, name: str) -> bool:
+    """Return True if all stories have the same value of a property, or two ranges of stories have
+    the same text; False for a single story."""
     unit = table.meanings.get(name, {}).get("unit", TEXT)
-    numbers = [str(row[0]) for row in table.rows]
-    groups = [
-        (value, [number for number, _ in group])
-        for value, group in groupby(zip(numbers, _cells(table, name), strict=True), itemgetter(1))
-    ]
-    if len(numbers) == 1 or len(groups) > 2 or (len(groups) == 2 and unit != TEXT):
-        return ""
-    label = _label(table, name)
-    if len(groups) == 1:
-        value = groups[0][0]
-        text = value if isinstance(value, str) else number_text(float(value or 0.0))
-        return f"{label} {text} {'' if unit in (TEXT, '1') else unit}".rstrip()
-    ranges = [f"{value or 'none'} (stories {group[0]} to {group[-1]})" for value, group in groups]
-    return f"{label} {' and '.join(ranges)}"
+    ranges = len([*groupby(_cells(table, name))])
+    return len(table.rows) > 1 and ranges <= 1 + (unit == TEXT)
+
+
+def _with_ranges(table: Table) -> Table:
+    """Return a table in which consecutive stories with equal properties have a common row."""
+    cells = zip(*(_cells(table, name) for name in table.columns), strict=True)
+    rows = []
+    for properties, group in groupby(cells, key=itemgetter(slice(1, None))):
+        first, *others = (str(row[0]) for row in group)
+        rows.append((f"{first} to {others[-1]}" if others else first, *properties))
+    return table._replace(rows=rows)
 
 
 def first_period(model: Model) -> float:
@@ -472,7 +470,7 @@ def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tu
     """
     check = response.check
     if check is None or check.drift_error is None:
-        return ("The error of the time integration was not estimated (--no-check).",)
+        return ("The error of the time integration was not estimated.",)
     cells = {name: [row[i] for row in table.rows] for i, name in enumerate(table.columns)}
     # The relative error of a drift ratio is equal to the relative error of the drift, so that it is
     # not repeated.

@@ -243,7 +243,7 @@ def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeyp
     assert least == pytest.approx(settings["least_average_over_target"], rel=2e-3)
     text = Page((suite / "page.html").read_text("utf-8")).text
     assert f"{100.0 * settings['least_average_over_target']:.3g} %" in text
-    assert "pair_demand: larger" in text
+    assert "with the larger demand of its two components." in text
 
 
 @pytest.mark.long

@@ -31,6 +31,7 @@ from tdint.model.plausibility import (
     long_step,
     negative_damping,
     plausibility_warnings,
+    unusual_ductility,
     unusual_stories,
 )
 from tdint.number_parsing import pluralize
@@ -804,8 +805,10 @@ class Case(Described):
         drift_ratio = stories.peak_drift / heights
         drifts_away = abs(stories.residual_drift) > _END_AT_PEAK * stories.peak_drift
         return [
-            *unusual_stories(
-                USUAL["ductility"], np.where(np.isfinite(heights), stories.ductility, math.nan)
+            *unusual_ductility(
+                self.model,
+                self.building.yield_drift,
+                np.where(np.isfinite(heights), stories.ductility, math.nan),
             ),
             *unusual_stories(USUAL["peak_drift"], drift_ratio),
             *unusual_stories(USUAL["residual_drift"], np.where(drifts_away, drift_ratio, math.nan)),

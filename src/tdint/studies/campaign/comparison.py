@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.number_parsing import number_text, pluralize
+from tdint.number_parsing import number_text, pluralize, quoted_names
 from tdint.output.page import Part
 from tdint.output.tables.table import Table
 from tdint.response.pairs import Run
@@ -349,8 +349,9 @@ def _best_text(
     text = f"Best{level}: {profile.building}"
     if any(variant.profile.counts.lost for variant in variants):
         others = [variant for variant in variants if variant is not best][:_MAX_VARIANT_ROWS]
+        names = quoted_names(other.profile.building for other in others)
         listed = ", ".join(
-            f"{other.profile.building} {other.profile.counts.lost}" for other in others
+            f"{name} {other.profile.counts.lost}" for name, other in zip(names, others, strict=True)
         )
         text += (
             f", with collapse or failure under {profile.counts.lost} of {profile.counts.motions} "

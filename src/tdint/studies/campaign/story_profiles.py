@@ -43,7 +43,7 @@ from tdint.model.limits import (
     check_demands,
     isolator_check,
 )
-from tdint.number_parsing import abbreviate, pluralize
+from tdint.number_parsing import abbreviate, pluralize, quoted_names
 from tdint.response.pairs import (
     COMPLETED,
     Counts,
@@ -776,10 +776,9 @@ def check_baseline(
     names = list(dict.fromkeys(buildings))
     if baseline not in names:
         suggestion = did_you_mean(baseline, names)
-        quoted = [repr(name) if ", " in name else name for name in names]
         raise UsageError(
             f"building {baseline!r} not found{suggestion}; available buildings: "
-            f"{abbreviate(quoted, 10)}"
+            f"{abbreviate(quoted_names(names), 10)}"
         )
     if len(names) == 1:
         raise UsageError(f"no other building to compare with {baseline!r}; add a building")

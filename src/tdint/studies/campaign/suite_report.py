@@ -15,7 +15,7 @@ from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.model.status import DONE, FALLEN
-from tdint.number_parsing import number_text, pluralize
+from tdint.number_parsing import number_text, pluralize, quoted_names
 from tdint.output import figures, report
 from tdint.output.figures.style import FirstPeriods
 from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
@@ -153,7 +153,7 @@ def _model_chapters(models: Sequence[Model], base: Model, units: OutputUnits) ->
         return [*chapters.values()]
     variants = [f"{name}: {chapter.parts[0]}" for name, chapter in short.items()]
     described = [chapter for name, chapter in chapters.items() if name not in short]
-    return [*described, Chapter("Other buildings" if described else "Buildings", (variants,))]
+    return [*described, Chapter("Other buildings", (variants,))]
 
 
 _MAX_PICTURES = 6
@@ -214,7 +214,7 @@ def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) ->
         clauses.append("runs continue after the end of the record until free vibration has decayed")
     rule = store.pair_rule()
     if rule.pairs:
-        clauses.append(f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})")
+        clauses.append(describe_demand(rule.demand))
     return report.assumptions(f"{methods}, time steps of {steps}", [*clauses, _SUITE])
 
 
@@ -352,7 +352,7 @@ def _runs_chapter(store: Store) -> Chapter:
         "BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
     )
     rows = store.connection.execute(query).fetchall()
-    if parts := _drifts_of_buildings(rows):
+    if parts := _drifts_of_buildings(rows, [name for name, _ in store.buildings().values()]):
         return Chapter("Individual ground motions", parts)
     shown_rows = rows[: report.MAX_MOTIONS]
     numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "largest_ductility")
@@ -377,11 +377,15 @@ def _runs_chapter(store: Store) -> Chapter:
     return Chapter("Individual ground motions, largest drift first", (table, omission))
 
 
-def _drifts_of_buildings(rows: Sequence[Sequence[Any]]) -> tuple[Part, ...]:
+def _drifts_of_buildings(
+    rows: Sequence[Sequence[Any]], buildings: Iterable[str]
+) -> tuple[Part, ...]:
     """Return the drift ratios of the runs with a row for each ground motion and a column for each
-    building, from the rows of the query of `_runs_chapter`; empty unless this table fits a page,
-    all buildings have the same runs, and each completed run has a drift ratio."""
-    names = list(dict.fromkeys(row[0] for row in rows))
+    building, from the rows of the query of `_runs_chapter` and the names of the campaign; empty
+    unless this table fits a page, all buildings have the same runs, and each completed run has a
+    drift ratio."""
+    shown = {row[0] for row in rows}
+    names = [name for name in buildings if name in shown]
     cells: dict[tuple[Cell, ...], dict[str, Cell]] = defaultdict(dict)
     for building, record, component, factor, ratio, *_, status in rows:
         percent = None if ratio is None else 100.0 * ratio
@@ -395,8 +399,8 @@ def _drifts_of_buildings(rows: Sequence[Sequence[Any]]) -> tuple[Part, ...]:
         or not is_complete
     ):
         return ()
-    units = {"record": TEXT, "component": TEXT, "factor": "1", **dict.fromkeys(sorted(names), "%")}
-    table = sorted(_rows_of_cells(cells, sorted(names)), key=lambda row: row[:3])
+    units = {"record": TEXT, "component": TEXT, "factor": "1", **dict.fromkeys(names, "%")}
+    table = sorted(_rows_of_cells(cells, names), key=lambda row: row[:3])
     return (
         "Largest drift ratio of a story; runs.csv lists the story:",
         Table.of_units(units, table),
@@ -439,7 +443,7 @@ def _ratio_parts(ratios: Table | None) -> tuple[Part, ...]:
             cells[row[2 : first + 1]][str(row[0])] = row[number]
     motions = ratios.columns.index("motions")
     counts = {str(row[0]): row[motions] for row in rows}
-    listed = ", ".join(f"{name} {count}" for name, count in counts.items())
+    listed = ", ".join(map("{} {}".format, quoted_names(counts), counts.values()))
     units = dict.fromkeys(ratios.columns[2:first], "1") | {"quantity": TEXT}
     table = Table.of_units(units | dict.fromkeys(names, "1"), _rows_of_cells(cells, names))
     text = (

@@ -92,7 +92,7 @@ def fragility_page(
     measure = stated_measure or "intensity measure"
     fits = list(dict.fromkeys(function.fit for function in functions))
     pairs = functions[0].pair_demand
-    counted = f" Pairs: {describe_demand(pairs)} (pair_demand: {pairs})." if pairs else ""
+    counted = f" Pairs: {describe_demand(pairs)}." if pairs else ""
     # The headline states the functions, unless there are too many for a headline.
     verdict: list[tuple[bool | None, str]] = []
     if len(functions) <= MOST_THRESHOLDS:

@@ -259,10 +259,7 @@ def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[
         fragility_report.INTERVALS,
     ]
     if study.partners:
-        points.append(
-            f"Pairs of horizontal components: {describe_demand(study.pair_demand)} (pair_demand: "
-            f"{study.pair_demand})."
-        )
+        points.append(f"Pairs of horizontal components: {describe_demand(study.pair_demand)}.")
     if not settings.check:
         points.append(
             "The error of the time integration was not estimated; the energy balance of "
