@@ -46,6 +46,7 @@ from tdint.output.tables import (
     transfer,
 )
 from tdint.output.tables import table as shared
+from tdint.output.tables.columns import declared
 from tdint.output.tables.runs import BUILDING_COLUMNS
 from tdint.output.tables.table import columns_of
 from tdint.response.runs.compiled_steps import unsupported_reason
@@ -285,6 +286,7 @@ def columns():
         "tdint modes --target": buildings.MODAL_RESPONSE,
         "tdint modes --transfer": transfer.transfer_columns([1], "ground"),
         "tdint law": buildings.CYCLIC,
+        "tdint law --list": declared("laws.law"),
         "tdint pushover": buildings.pushover(1),
         "tdint pushover --target": buildings.TARGET_DISPLACEMENT,
         "tdint compare": comparison.COMPARISON,

@@ -61,6 +61,27 @@ def test_the_motion_is_the_pulse_of_its_parameters(folder: Path, tdint: Command)
     np.testing.assert_allclose(trapezoids[: t.size], shape, atol=5e-4 * pulse.velocity)
 
 
+@pytest.mark.parametrize("units", ["si", "us"])
+def test_the_campaign_runs(folder: Path, tdint: Command, units: str) -> None:
+    """Each level is a multiple of the peak of the pulse; the variation in a comment is valid."""
+    said = tdint("init new/we're.yaml --campaign --stories 2 --units", units, code=0).stderr
+    campaign, model = Path("new/we're.yaml"), Path("new/we're-model.yaml")
+    assert "tdint campaign" in said and str(model) in said
+    tdint("check", campaign, code=0)
+    tdint("campaign", campaign, "-o", "out", "-q", "--output-units", "g", code=0)
+    runs = rows(Path("out/runs.csv"))
+    assert [float(row["pga_g"]) for row in runs] == pytest.approx([0.1, 0.2, 0.4], rel=1e-3)
+    assert {row["status"] for row in runs} == {"done"}
+    text = campaign.read_text()
+    campaign.write_text(text.replace("# vary: ", "vary: "))
+    tdint("check", campaign, code=0)
+    tdint("campaign", campaign, "-o", "varied", "-q", code=0)
+    assert len(rows(Path("varied/runs.csv"))) == 6
+    # No file is replaced, and none is written if one exists.
+    tdint.refused("the file exists", "init", campaign, "--campaign", code=6)
+    tdint.refused("not a valid file name", "init", "-", "--campaign", code=2)
+
+
 def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Command) -> None:
     text = tdint("init", "-", "--stories", 3).stdout
     done = tdint("check", "-", stdin=text.encode(), code=0)

@@ -1,11 +1,13 @@
 """`tdint law`: rows, messages, figures, exit codes."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from csv_rows import rows
 from facts import states
+from tdint.model.story_laws import LAWS
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -80,6 +82,37 @@ def test_a_drift_path_from_a_file(folder, tdint, units):
         result.stderr.splitlines()[-1], "4 drifts ... 0.02 to 0.0425 m, ... -11 to 79 N, "
     )
     assert (folder / "x.png").exists()
+
+
+def test_list_of_the_laws(folder, tdint):
+    """Each law and each of its keys is listed; keys without default are those that `check` misses
+    in a law without keys, and a law with the listed keys only is valid."""
+    table = rows(tdint("law", "--list", code=0).stdout)
+    keys = {}
+    for row in table:
+        keys.setdefault(row["law"], {})[row["key"]] = row
+    assert list(keys) == list(LAWS) and list(keys["linear"]) == [""]
+    assert {name: list(of_law) for name, of_law in keys.items() if name != "linear"} == {
+        name: [parameter.path for parameter in law.parameters]
+        for name, law in LAWS.items()
+        if law.parameters
+    }
+    assert keys["bilinear"]["yield_force"]["unit"] == "N"
+    assert keys["bilinear"]["yield_force"]["values"] == "a positive number"
+    assert keys["bilinear"]["negative.yield_force"]["default"] == "yield_force"
+    assert keys["gap"]["sides"]["values"] == "both | positive | negative"
+    assert keys["imk"]["exponent"]["default"] == "1"
+    for name, of_law in keys.items():
+        story = f"{{mass: 1000, stiffness: 1e5, law: {{type: {name}}}}}"
+        Path("bare.yaml").write_text(f"stories: [{story}]\n")
+        stderr = tdint("check", "bare.yaml").stderr
+        required = {key for key, row in of_law.items() if key and not row["default"]}
+        if "stiffness" not in stderr:  # a law that defines the stiffness refuses this key first
+            for key in required:
+                assert re.search(rf"law\.{key.partition('.')[0]}\b", stderr), (name, key)
+    tdint.refused("MODEL.yaml, or --list", "law", code=2)
+    tdint.refused("--story has no effect with --list", "law", "--list", "--story", "2", code=2)
+    tdint.refused("MODEL.yaml has no effect with --list", "law", "a.yaml", "--list", code=2)
 
 
 def test_p_delta(tdint):

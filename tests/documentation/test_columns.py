@@ -35,6 +35,7 @@ COMMANDS = {
     "tdint modes --target": "asce7:sds=0.2,sd1=0.1,tl=8 configs/ten-story.yaml",
     "tdint modes --transfer": "ground configs/hardening.yaml",
     "tdint law": "configs/ten-story-bilinear.yaml --drift 1%",
+    "tdint law --list": "",
     "tdint pushover": "configs/hazus-c1.yaml --drift 0.1% --points 5",
     "tdint pushover --target": "asce7:sds=0.2,sd1=0.1,tl=8 configs/hazus-c1.yaml --points 20",
     "tdint compare": RECORDED,

@@ -15,7 +15,7 @@ from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import Count, FileName, Written
 from tdint_cli.terminal import emit, say
 
-FILE = "building.yaml"
+FILE, _CAMPAIGN = "building.yaml", "campaign.yaml"
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
 """Default number of stories, and default period of a building divided by this number, s."""
 _MAX_STORIES = 200
@@ -56,7 +56,8 @@ def _weights(text: str) -> tuple[float, ...]:
 class Request:
     """The command line of `tdint init`."""
 
-    file: str = options.argument("[FILE]", default=FILE, type=FileName(written=True))
+    file: str | None = options.argument("[FILE]", default=None, type=FileName(written=True))
+    campaign: bool = options.option()
     stories: int = options.option(type=Count(1, _MAX_STORIES), default=_STORIES)
     period: float | None = options.option(type=click.FloatRange(0.0, 100.0, min_open=True))
     weights: tuple[float, ...] | None = options.option(type=Written("weight,...", _weights))
@@ -72,43 +73,46 @@ def command(request: Request) -> None:
     The model is written to FILE (building.yaml by default). An artificial ground motion is written
     next to it, so that `tdint run FILE` works before you have a record; its file has the name of
     the model with -motion.txt instead of the suffix. If FILE is - (standard output), the model has
-    no ground motion and vibrates freely.
+    no ground motion and vibrates freely. With --campaign, FILE (campaign.yaml) is a campaign of the
+    model FILE-model.yaml.
     """
-    _check(request)
-    if request.file == "-":
+    name = request.file or (_CAMPAIGN if request.campaign else FILE)
+    _check(request, name)
+    if name == "-":
         emit(_model("building", request, None).encode())
         return
     from tdint.ground_motion.pulse import VelocityPulse, motion_text
+    from tdint.model.first_model import campaign_text
 
-    file = Path(request.file)
+    file = Path(name)
+    model = file.with_name(f"{file.stem}-model.yaml") if request.campaign else file
     motion = file.with_name(f"{file.stem}-motion.txt")
     unit = "g" if request.units == "us" else "m/s^2"
     texts = {
-        file: _model(file.stem, request, motion.name),
+        model: _model(file.stem, request, motion.name),
         motion: motion_text(VelocityPulse(), unit=unit),
     }
+    if request.campaign:
+        texts[file] = campaign_text(file.stem, model.name, motion.name)
     write_files({path: text.encode() for path, text in texts.items()}, overwrite=request.overwrite)
-    say(f"{file}: model, ready to run under the artificial ground motion {motion}. Next:")
-    name = shlex.quote(str(file))
-    say(f"  tdint check {name}\n  tdint run {name} -o out --plot")
+    command = "campaign" if request.campaign else "run"
+    what = f"campaign of the model {model}" if request.campaign else "model"
+    say(f"{file}: {what}, ready to run under the artificial ground motion {motion}. Next:")
+    quoted = shlex.quote(name)
+    say(f"  tdint check {quoted}\n  tdint {command} {quoted} -o out --plot")
 
 
-def _check(request: Request) -> None:
+def _check(request: Request, name: str) -> None:
     """Check the options before the model is generated. UsageError is raised if the file name or the
     period is invalid, or options contradict each other.
     """
     # A file with the suffix .gz would be compressed, and models cannot be read from such files.
-    if (
-        not Path(request.file).stem.strip()
-        or Path(request.file).name == ".."
-        or request.file.lower().endswith(".gz")
-    ):
-        raise UsageError(f"{request.file!r} is not a valid file name; use a name such as {FILE}")
+    is_name = Path(name).stem.strip() and Path(name).name != ".."
+    if not is_name or name.lower().endswith(".gz") or (request.campaign and name == "-"):
+        raise UsageError(f"{name!r} is not a valid file name; use a name such as {FILE}")
     # The name is also not printable if it contains bytes that are not UTF-8.
-    if not request.file.isprintable():
-        raise UsageError(
-            f"{request.file!a:.100}: the file name must be UTF-8 without control characters"
-        )
+    if not name.isprintable():
+        raise UsageError(f"{name!a:.100}: the file name must be UTF-8 without control characters")
     if request.period is not None and not request.period >= _MIN_PERIOD:
         raise UsageError(f"--period must be from {_MIN_PERIOD:g} to 100 s, got {request.period:g}")
     refuse_idle("weights" if request.weights else "equal")

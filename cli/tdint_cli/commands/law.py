@@ -12,7 +12,7 @@ from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.grammar import refuse_idle
-from tdint_cli.options.option_types import ListOf, drift_size
+from tdint_cli.options.option_types import FileName, ListOf, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
@@ -30,8 +30,9 @@ _POINTS = 200  # points per quarter cycle, so that loops are smooth in print
 class Request:
     """The command line of `tdint law`."""
 
-    model: str
     outputs: Outputs
+    model: str | None = options.argument("[MODEL.yaml]", default=None, type=FileName())
+    listing: bool = options.option("--list")
     story: int = options.option(type=click.IntRange(min=1), default=1)
     element: str | None = options.option()
     drifts: tuple[DriftSize, ...] | None = options.option(
@@ -44,7 +45,7 @@ class Request:
 
 
 @options.command
-@options.analysis.model
+@options.analysis.plugin
 @options.output.to_files(picture=True)
 @options.of(Request)
 def command(request: Request) -> None:
@@ -62,9 +63,17 @@ def command(request: Request) -> None:
     the slope between them (secant stiffness), the dissipated energy, and the equivalent viscous
     damping ratio, energy / (4 pi secant stiffness drift^2 / 2).
     """
+    refuse_idle("list" if request.listing else "cycles" if request.path is None else "path")
+    if request.listing:
+        from tdint.output.tables.laws import law_table
+        from tdint_cli.drawing import emit_table
+
+        emit_table(law_table())
+        return
+    if request.model is None:
+        raise UsageError("no model file is specified; add MODEL.yaml, or --list for all laws")
     if request.path is None and not request.drifts:
         raise UsageError("the imposed drifts are required; add --drift or --path")
-    refuse_idle("cycles" if request.path is None else "path")
     if request.path == request.model == "-":
         raise UsageError("MODEL.yaml and --path cannot both be standard input; use a file for one")
     from tdint.model.config.model_file import load_model

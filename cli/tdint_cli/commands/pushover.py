@@ -155,7 +155,6 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
         sentences = [roof, *(f"{reason[:1].upper()}{reason[1:]}" for reason in reasons)]
         verdict.append((False if target.notes else None, f"{'. '.join(sentences)}."))
     lines = _result_text(result, shown_units).splitlines()
-    lines += [_target_sentence(target, shown_units) for target in targets]
     page_text = PageText(lines, (), result.model.page_head, verdict=verdict)
     return pushover_page(result, targets, page_text, units)
 

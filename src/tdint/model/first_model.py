@@ -174,6 +174,27 @@ def _remaining_lines(units: _UnitSystem, motion: str | None, displacements: list
     return [*lines, f"output_units: {units.output}", ""]
 
 
+def campaign_text(name: str, model: str, motion: str) -> str:
+    """Return the text of a first campaign file, from the names of its model and its motion."""
+    quoted = (json.dumps(text, ensure_ascii=False) for text in (name, model, motion))
+    return _CAMPAIGN.format(*quoted)
+
+
+_CAMPAIGN = """\
+# Campaign of `tdint init --campaign`: an example to edit.
+name: {}
+buildings:
+  models: [{}]  # more files: [old.yaml, new.yaml]; --baseline compares them
+records:
+  files: [{}]  # an artificial pulse: replace it by your files and directories
+  # units: m/s^2  # if the files state none
+  # pairs: true  # two components are one motion
+intensity: {{measure: pga, levels: [0.1 g, 0.2 g, 0.4 g]}}  # or {{scales: [0.5, 1]}}
+# vary: {{damping: [2%, 5%]}}  # each building with these values
+outputs: {{stories: true}}
+"""
+
+
 def model_template(
     stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si"
 ) -> str:

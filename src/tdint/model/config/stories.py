@@ -124,7 +124,7 @@ def _law_keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
         # A parameter is optional if it has a default, or a value (`without`) that applies if the
         # file omits its group.
         is_needed = parameter.default is None and parameter.without is None
-        inner_group, bounds = _inner_group(parameter, group), _bounds(parameter)
+        inner_group, bounds = _inner_group(parameter, group), bounds_of(parameter)
         if parameter.group == group:
             value_type: ValueType = EntriesOf(bounds, least=1) if parameter.many else bounds
             if parameter.points:
@@ -355,10 +355,12 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
     # A single number sets all parameters of a shared group.
     if parameters[0].shared and not value.is_mapping:
         expected = (
-            f"{_bounds(parameters[0])} for all of {', '.join(keys)}, a mapping of them, or none"
+            f"{bounds_of(parameters[0])} for all of {', '.join(keys)}, a mapping of them, or none"
         )
         return value.number(
-            _bounds(parameters[0]), unit.factor(parameters[0].force, parameters[0].length), expected
+            bounds_of(parameters[0]),
+            unit.factor(parameters[0].force, parameters[0].length),
+            expected,
         )
     return value.section(keys) or math.nan
 
@@ -387,7 +389,7 @@ def _read_parameter(
         value = group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
         name = value.choice(parameter.choices, parameter.name) if value else None
         return unknown if name is None else (float(parameter.choices.index(name)),)
-    bounds = _bounds(parameter)
+    bounds = bounds_of(parameter)
     if parameter.many:
         value = group.need(parameter.name, f"give {_NUMBER_LIST}")
         items = value.items(_NUMBER_LIST, "must contain at least one number") if value else None
@@ -427,7 +429,7 @@ def _read_points(
             f"must be {point_list}, got {pluralize(len(pairs), 'entry')}{''.join(long_forms[:1])}"
         )
         return None
-    bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
+    bounds, factors = bounds_of(parameter), (unit.factor(length=1), unit.factor(force=1))
     points = [
         [
             coordinate.number(bounds, factor)
@@ -449,7 +451,7 @@ def _read_points(
     return (*coordinates, *[math.inf] * (2 * parameter.points - len(coordinates)))
 
 
-def _bounds(parameter: LawParameter) -> Bounds:
+def bounds_of(parameter: LawParameter) -> Bounds:
     """Return the allowed range of a parameter.
 
     A parameter without a unit and with an upper bound of at most 1 can be written as a percentage.

@@ -13,7 +13,6 @@ import numpy as np
 
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
-from tdint.model.definition import Model
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import number_text, pluralize, quoted_names
 from tdint.output import figures, report
@@ -125,7 +124,10 @@ def suite_page(
         _runs_chapter(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        *_model_chapters([subject.model for subject in subjects.values()], base.model, units),
+        *(
+            report.model_chapter(subject.model, units, base=None if subject is base else base.model)
+            for subject in subjects.values()
+        ),
         _load_case_chapter(plan, units)
         or report.motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
     ]
@@ -139,21 +141,6 @@ def suite_page(
     )
     about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
     return page(plan.name, about, chapters, page_text)
-
-
-def _model_chapters(models: Sequence[Model], base: Model, units: OutputUnits) -> list[Chapter]:
-    """Return the chapters of the buildings, compared with the building `base`; variants that need
-    no table have a common list."""
-    chapters = {
-        model.name: report.model_chapter(model, units, base=None if model is base else base)
-        for model in models
-    }
-    short = {name: chapter for name, chapter in chapters.items() if len(chapter.parts) == 1}
-    if len(short) < 2:
-        return [*chapters.values()]
-    variants = [f"{name}: {chapter.parts[0]}" for name, chapter in short.items()]
-    described = [chapter for name, chapter in chapters.items() if name not in short]
-    return [*described, Chapter("Other buildings", (variants,))]
 
 
 _MAX_PICTURES = 6
