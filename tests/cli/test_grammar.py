@@ -328,6 +328,7 @@ MODE_ARGUMENTS = {
     ("init", "with --weights"): "--weights 1,1",
     ("law", "without --path"): "x --drift 1%",
     ("law", "with --path, which defines all drifts"): "x --path y",
+    ("law", "with --list"): "--list",
     ("modes", "without --target or --transfer"): "x",
     ("modes", "with --target"): "x --target y",
     ("modes", "with --transfer"): "x --transfer",

@@ -66,9 +66,8 @@ def command(request: Request) -> None:
     refuse_idle("list" if request.listing else "cycles" if request.path is None else "path")
     if request.listing:
         from tdint.output.tables.laws import law_table
-        from tdint_cli.drawing import emit_table
 
-        emit_table(law_table())
+        request.outputs.deliver(law_table())
         return
     if request.model is None:
         raise UsageError("no model file is specified; add MODEL.yaml, or --list for all laws")

@@ -719,15 +719,13 @@ def unusual_ductility(model: Model, yield_drift: Array, ductility: Array) -> lis
     ductility : array, shape (n,)
         Ductility of each story; nan if it is not judged.
     """
-    usual_range = USUAL["ductility"]
-    if not unusual_stories(usual_range, ductility):
+    usual_range, judged = USUAL["ductility"], []
+    if all(map(usual_range.contains, ductility.tolist())):  # usual, in most runs of a campaign
         return []
-    judged = ductility.copy()
-    for i, story in enumerate(model.stories):
-        points = [_yield_point(spring.law.values) for spring in story.springs]
-        yield_point = min(filter(None, points), default=0.0)
-        if usual_range.contains(ductility[i] * yield_drift[i] / max(yield_point, yield_drift[i])):
-            judged[i] = math.nan
+    for story, first, value in zip(model.stories, yield_drift, ductility, strict=False):
+        points = (_yield_point(spring.law.values) for spring in story.springs)
+        yield_point = max(first, min(filter(None, points), default=first))
+        judged.append(math.nan if usual_range.contains(value * first / yield_point) else value)
     return unusual_stories(usual_range, judged)
 
 

@@ -56,9 +56,6 @@ class Picture:
         """HTML image, its printed height, mm, and the smallest height at which its texts have 6 pt.
         The format is PNG if lines with thousands of points make the SVG file large.
         """
-        # Imported here, because most commands plot nothing.
-        from matplotlib.text import Text
-
         for image_format in ("svg+xml", "png"):
             # The first three characters are the file extension of the format.
             drawing, stream = figures.style.picture(f".{image_format[:3]}", self.draw), io.BytesIO()
@@ -69,8 +66,8 @@ class Picture:
         data = base64.b64encode(stream.getvalue()).decode("ascii")
         width, height = 25.4 * figure.get_size_inches()
         scale = min(1.0, _WIDTH / width)
-        texts = [text for text in figure.findobj(Text) if isinstance(text, Text)]
-        sizes = [float(text.get_fontsize()) for text in texts if text.get_text()]
+        texts: Any = figure.findobj(lambda artist: hasattr(artist, "get_fontsize"))
+        sizes = [text.get_fontsize() for text in texts if text.get_text()]
         least = height * min(scale, _LEAST_FONT / min(sizes, default=math.inf))
         source = f'src="data:image/{image_format};base64,{data}" style="--least: {least:.0f}mm"'
         return f'<img alt="{escape(self.caption)}" {source}>', height * scale, least
