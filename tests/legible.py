@@ -30,7 +30,7 @@ def check(figure: Figure) -> None:
     )
     # A4 has a height of 11.69 inches; 10.5 inches leave margins of 15 mm.
     # The figures of reports are 6.8 inches wide.
-    fits_a_page = 0.25 * width <= height <= 10.5 / 6.8 * width and height <= 10.5
+    fits_a_page = 0.2 * width <= height <= 10.5 / 6.8 * width and height <= 10.5
     assert fits_a_page, f"{width:.2f} by {height:.2f} inches do not fit a page"
     sizes = [
         text.get_fontsize()
