@@ -15,7 +15,9 @@ from tdint.ground_motion.origin import MotionOrigin
 from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
 from tdint.ground_motion.reading.suites import read_suite
 from tdint.ground_motion.record import Record
-from tdint.studies.motions.motion_files import FORMATS, motion_contents, motion_file_names
+from tdint.studies.motions.motion_files import motion_contents, motion_file_names
+
+FORMATS = ("mseed", "at2", "csv")
 
 PEER = "PEER NGA STRONG MOTION DATABASE RECORD\n{}\nACCELERATION TIME SERIES IN UNITS OF G\n{}"
 

@@ -22,8 +22,6 @@ from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import SI_LOCATION, Record, component_names, to_mseed
 from tdint.output.tables.spectra import ground_table
 
-FORMATS = ("mseed", "at2", "csv")
-
 _STATION = 5  # characters of a station code in MiniSEED
 _CHANNEL = 3  # characters of a channel code in MiniSEED
 _OTHER_INSTRUMENT = re.compile(r"([A-Z])[HLGMPD]([ENZ123])")
