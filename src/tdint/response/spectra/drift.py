@@ -182,6 +182,8 @@ def drift_spectrum(
     ------
     UsageError
         A parameter is out of range.
+    RecordError
+        The record is invalid or cannot be read.
     AnalysisError
         A period is too short or, for a beam, too long for the sampling interval of the record.
     """

@@ -390,6 +390,8 @@ def spectrum(
     ------
     UsageError
         Periods or damping are out of range, a name is unknown, or options cannot be combined.
+    RecordError
+        The record is invalid or cannot be read.
     AnalysisError
         A period is too short for the record, or the method is unstable at a period.
     """

@@ -88,6 +88,8 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     ------
     UsageError
         The bandwidth is not between 1 and 1000.
+    RecordError
+        The record is invalid or cannot be read.
     """
     record = record_of(record)
     min_bandwidth, max_bandwidth = _BANDWIDTH_RANGE

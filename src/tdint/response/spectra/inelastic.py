@@ -187,6 +187,8 @@ def constant_ductility(
     ------
     UsageError
         A parameter is out of range.
+    RecordError
+        The record is invalid or cannot be read.
     AnalysisError
         No strength leads to a ductility, or a period is too short for the sampling interval of the
         record.
@@ -245,6 +247,8 @@ def constant_strength(
     ------
     UsageError
         A parameter is out of range.
+    RecordError
+        The record is invalid or cannot be read.
     AnalysisError
         A period is too short for the sampling interval of the record.
     """

@@ -105,6 +105,8 @@ def rotated_spectrum(
     ------
     UsageError
         A parameter is invalid, for example a percentile below 0 or above 100.
+    RecordError
+        A record cannot be read, or the components are not a pair.
     AnalysisError
         A period is too short for the sampling interval of the record.
     """

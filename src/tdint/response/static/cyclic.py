@@ -234,6 +234,8 @@ def cyclic_test(
     UsageError
         The story does not exist, the unit of an amplitude is not available for this story, or there
         are too many points.
+    ModelError
+        The model is invalid.
     AnalysisError
         The law has no finite force along the path.
     """
@@ -290,6 +292,8 @@ def law_path(
     UsageError
         The story does not exist, its law does not yield, the drifts are not finite numbers, or
         there are too many.
+    ModelError
+        The model is invalid.
     AnalysisError
         The law has no finite force along the path.
     """

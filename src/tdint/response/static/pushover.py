@@ -254,6 +254,8 @@ def pushover(
     UsageError
         The size is a drift ratio or the pattern is triangular, and heights are missing; the size is
         a multiple of a yield drift; or the pattern is unknown.
+    ModelError
+        The model is invalid.
     AnalysisError
         No equilibrium is found in the first step.
     """

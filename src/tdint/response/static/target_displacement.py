@@ -243,6 +243,8 @@ def target_displacements(
     ------
     UsageError
         The site class is unknown, or the target does not contain these periods.
+    ModelError
+        The target spectrum cannot be read.
     AnalysisError
         The target displacement exceeds the range of the curve.
     """

@@ -284,6 +284,8 @@ def match(
         The range is invalid or exceeds the range of the target, or the motion is too short.
     AnalysisError
         The sampling interval does not resolve the periods, or the motion has no acceleration.
+    ModelError
+        The target spectrum cannot be read.
     RecordError
         The record is invalid or cannot be read.
     """
@@ -328,7 +330,7 @@ def match_suite(
 
     Raises
     ------
-    UsageError, AnalysisError, RecordError
+    UsageError, ModelError, AnalysisError, RecordError
         As in `match`; or the suite is empty.
     """
     if not motions:

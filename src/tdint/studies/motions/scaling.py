@@ -431,6 +431,10 @@ def scale(
         No value and no target are given, or both; the value is not positive; the measure or rule is
         unknown; the rule requires a target, more motions, pairs, or a target with a value at the
         period 0; periods are outside the range of the target, or not positive for asce7 and ec8.
+    ModelError
+        The target spectrum cannot be read.
+    AnalysisError
+        A period is too short for a motion.
     RecordError
         A motion is invalid or zero.
     """

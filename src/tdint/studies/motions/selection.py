@@ -107,6 +107,8 @@ def select(
     UsageError
         There are fewer motions or events than requested; limits, standard deviation or rule are
         invalid; `per_event` is used for motions with unknown event.
+    ModelError, RecordError
+        The target spectrum or a motion cannot be read.
     AnalysisError
         No selection meets the rule with factors within the limits.
     """

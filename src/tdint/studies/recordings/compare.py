@@ -521,6 +521,8 @@ def compare(
     ------
     UsageError
         The method is missing or unknown, or the time step is invalid.
+    ModelError
+        The model or the file of recordings is invalid.
     AnalysisError
         The run fails, or ends before the recording (`FailedRun`).
     """
