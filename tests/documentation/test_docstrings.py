@@ -1,7 +1,6 @@
 """Docstrings and comments state what the code does not show: the part that a program can check."""
 
 import ast
-import inspect
 import re
 from functools import cache
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
+from docstring_sections import entries
 from readmes import ROOT
 from tdint.public_names import DEFINED_AS, PLUGIN, PUBLIC
 
@@ -17,8 +17,6 @@ KERNELS = ("src/tdint/kernels/", "src/tdint/methods/")
 HALF_LINE = 50
 """Characters of half a line."""
 
-SECTION = re.compile(r"^([A-Z][A-Za-z ]+)\n-{3,}\n", re.MULTILINE)
-ENTRY = re.compile(r"^(\S[^\n]*)((?:\n(?: .*|(?=\n)))*)", re.MULTILINE)
 ARTICLES = {"a", "an", "the", "of"}
 
 
@@ -29,19 +27,6 @@ class Definition(NamedTuple):
     docstring: str
     is_private: bool
     is_exported: bool
-
-
-def entries(docstring, section="Parameters"):
-    """Return names, type and description of each entry of a section."""
-    parts = SECTION.split(inspect.cleandoc(docstring))
-    found = []
-    for title, content in zip(parts[1::2], parts[2::2], strict=True):
-        if title != section:
-            continue
-        for head, text in ENTRY.findall(content):
-            names, _, kind = head.partition(" : ")
-            found.append((names.replace("*", "").split(", "), kind, " ".join(text.split())))
-    return found
 
 
 @cache

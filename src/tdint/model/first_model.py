@@ -204,14 +204,14 @@ def model_template(
 
     Parameters
     ----------
-    stories : int
+    stories : int, default 5
         Number of stories.
     period : float, optional
         Fundamental period, s. Default: 0.1 s for each story.
-    name : str
+    name : str, default "building"
         Name of the building.
-    units : str
-        `si` or `us`.
+    units : str, default "si"
+        `si` (kN, m, t) or `us` (kip, in).
 
     Returns
     -------

@@ -627,16 +627,18 @@ def performance_profiles(
     problems : str or Path, optional
         Instead of models: `standard` (twelve buildings with three records each), or a YAML file of
         problems.
-    method : str or iterable of str
-        Method specifications. Methods for linear buildings are used for linear buildings only.
-    repeats : int
+    method : str or iterable of str, optional
+        Method specifications; those of the benchmark page by default. Methods for linear
+        buildings are used for linear buildings only.
+    repeats : int, default 5
         Number of times that a point is timed if it can be the cheapest for a tolerance.
     tolerances : sequence of float
         As in `measure_problem`.
-    peers : bool
+    peers : bool, default False
         True to include OpenSeesPy for problems with supported laws.
-    progress : callable
-        Callback with the name of the current action and the completed fraction, from 0 to 1.
+    progress : callable, optional
+        Silent by default. Callback with the name of the current action and the completed fraction,
+        from 0 to 1.
 
     Returns
     -------

@@ -447,8 +447,10 @@ def chart(
     ----------
     model, record : optional
         Model and record, as in `run`.
-    method : str or iterable of str
-        Method specifications. Methods for linear buildings are omitted for a nonlinear building.
+    method : str or iterable of str, optional
+        Method specifications. Default: `impulse4`, `moment4`, `impulse`, `newmark-average`,
+        `newmark-linear`, `central-difference`, `noh-bathe`, `generalized-alpha`, `bathe`, `gauss4`
+        and `exact`. Methods for linear buildings are omitted for a nonlinear building.
     dt : float or sequence of float
         Time steps, s; default from eight sampling intervals downwards (`default_steps`).
     duration : float, optional
@@ -456,9 +458,11 @@ def chart(
     tolerances : sequence of float or str
         Relative tolerances of the peak drifts. Lines of moment4 and impulse4 with steps that are
         chosen for these tolerances (as in `run`) are added.
-    repeats, cached
-        As in `measure`.
-    progress : bool or callable
+    repeats : int, default 5
+        Number of times that each run is timed; up to four times as many if the result changes.
+    cached : bool, default True
+        True to read the reference from the cache, if available, and to store it.
+    progress : bool or callable, default False
         True for a progress bar (tqdm) on a terminal or in a notebook, or a callback with the
         completed and the total amount of work.
 

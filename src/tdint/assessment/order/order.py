@@ -172,8 +172,15 @@ def order(
     ----------
     method : Integrator or str
         The method or its specification. For a list or tuple, the result is a `ResultList`.
-    load, law, frequency_ratio, stride
-        The oscillator and its load, as described in `order_problem`.
+    load : str, default "harmonic"
+        `free` vibration, a `harmonic` force, or `record`, a ground motion that is linear between
+        samples.
+    law : str, default "linear"
+        `linear`, `hardening` or `softening`.
+    frequency_ratio : float, default 0.5
+        Circular frequency of the load divided by that of the oscillator, from 0.01 to 10.
+    stride : int, default 1
+        Number of sampling intervals of the record in the longest time step, a power of 2.
 
     Returns
     -------

@@ -430,7 +430,7 @@ def overshoot(
     method : Integrator or str
         Method or its specification. A list or tuple returns a `ResultList`.
     start : str, default "displacement"
-        A key of `STARTS`.
+        Initial `displacement` or `velocity`.
     dt_over_t : float, default 10
         Time step divided by undamped period; for a nonlinear law, the period of small vibrations.
     steps : int, default 10
@@ -438,7 +438,7 @@ def overshoot(
     damping : float, default 0
         Damping ratio, at least 0; for a nonlinear law, the ratio of small vibrations.
     law : str, default "linear"
-        One of `LAWS`.
+        `linear`, `hardening` or `softening`.
 
     Returns
     -------

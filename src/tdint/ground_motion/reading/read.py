@@ -252,7 +252,8 @@ def read_record(
         StationXML file. The instrument response is removed from samples without stated or
         specified units. Cannot be combined with units for all files.
     layout : TextLayout, optional
-        Time step, columns and lines to skip for text tables that do not state them.
+        Time step, columns and lines to skip for text tables that do not state them. Default: no
+        statements.
 
     Returns
     -------

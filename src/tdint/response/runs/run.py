@@ -130,7 +130,7 @@ def run(
     method, dt, duration : optional
         Method specification such as `hht:alpha=-0.1`, time step (s) and duration (s). By default
         the values of the model's analysis section; otherwise the method is
-        `tdint.methods.catalogue.DEFAULT_METHOD` (reported in a note), and the time step is that of
+        `impulse4` (reported in a note), and the time step is that of
         the record. Without a duration, a run covers the record and continues with the ground at
         rest while a peak could still grow. A list of methods or time steps returns a `ResultList`
         with the responses of each method with each time step.

@@ -189,7 +189,7 @@ def run_many(
     product : bool, default False
         Use all combinations of the values of `vary`, with the last name varying fastest, instead of
         samples.
-    progress : bool or callable
+    progress : bool or callable, default False
         True shows a progress bar by tqdm on a terminal or in a notebook. A callable receives the
         number of completed runs and the total number.
     partial : bool, default False

@@ -55,9 +55,9 @@ class HeightPeriod:
 
     Attributes
     ----------
-    a : float
+    a : float, default 0.0731
         Period of a building of height 1 m, s.
-    b : float
+    b : float, default 0.75
         Exponent of the height, dimensionless.
     """
 
@@ -157,16 +157,17 @@ def drift_spectrum(
         Ground motion; the buildings are at rest at its first sample.
     periods : ndarray, shape (k,)
         Fundamental periods, s, positive.
-    damping : float
+    damping : float, default 0.05
         Damping ratio of every mode, in [0, 1).
     stories : int, optional
         Number of stories of every building. By default, it follows from the height and
         `story_height`.
-    story_height : float
+    story_height : float, default 3.5
         Approximate story height, m, if `stories` is `None`. The number of stories is the height of
         the building divided by this value, rounded, at least 1. All stories have equal heights.
-    height_period : HeightPeriod
-        Relation that determines the height of a building from its period.
+    height_period : HeightPeriod, optional
+        Relation that determines the height of a building from its period. The default is that of
+        `HeightPeriod`.
     beam : bool, default False
         True for the drift at the base of a continuous shear beam (Iwan 1997) instead of stories,
         with the same damping ratio in all modes. Without damping, this is Iwan's sum of waves,

@@ -159,7 +159,7 @@ def floor_spectra(
     periods : ndarray, shape (k,)
         Periods, s. At period 0, the result is the maximum absolute acceleration of the floor at the
         time steps.
-    damping : sequence of float
+    damping : sequence of float, default 0.05
         Damping ratios.
 
     Returns

@@ -137,7 +137,7 @@ def transfer_function(
     frequency : ndarray, shape (k,), optional
         Frequencies, Hz. By default, from 1/20 of the lowest to twice the highest natural frequency,
         denser at resonances.
-    source : str or int
+    source : str or int, default "ground"
         `ground` for floor accelerations divided by the ground acceleration, or the number of a
         floor, from 1, or `roof`, for displacements divided by a force on this floor.
 

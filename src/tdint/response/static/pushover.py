@@ -235,8 +235,8 @@ def pushover(
         Model, as in `run`.
     size : DriftSize, str or float
         Roof displacement, as a length, or as a ratio to the height of the building (also a number).
-    pattern : str
-        Key of `PATTERNS`, default `first-mode`; or the forces on the floors from the lowest to the
+    pattern : str, default "first-mode"
+        `first-mode`, `triangular` or `uniform`; or the forces on the floors from the lowest to the
         roof, separated by commas; only their ratios are used.
     points : int
         Number of rows after the start, at equal steps of the roof displacement; default 200. If the

@@ -313,10 +313,10 @@ def campaign(
         number.
     max_runs : int, optional
         Maximum number of additional runs.
-    progress : bool or callable
+    progress : bool or callable, default False
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
         with the number of completed runs and of all runs.
-    partial : bool
+    partial : bool, default False
         True to return the completed runs after an interrupt (Ctrl-C).
 
     Returns

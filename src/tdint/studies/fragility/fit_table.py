@@ -174,7 +174,7 @@ def fragility(
         the table.
     fit : str, optional
         `stripes`, `ida` or `cloud`; default is the fit that suits the columns of the table.
-    edp_range : tuple of two floats
+    edp_range : tuple of two floats, default (0, inf)
         For a cloud: smaller demands are omitted, larger demands are known only to be above the
         upper limit.
     modeling_dispersion : float

@@ -85,14 +85,14 @@ class IdaSettings(RunSettings):
 
     Attributes
     ----------
-    precision : float
+    precision : float, default 0.05
         Relative width of the bracket of the capacity: upper level divided by lower level, less 1.
     collapse_drift : float | None
         Drift ratio above which the building has collapsed; by default the value of the model.
     thresholds : tuple of float | None
         Drift ratios for which capacities are reported in addition to collapse. The default are the
-        medians of the damage states of the model if they are drift ratios, otherwise `THRESHOLDS`.
-    max_im : float
+        medians of the damage states of the model if they are drift ratios, otherwise 1, 2 and 4 %.
+    max_im : float, default inf
         Maximum intensity, in the unit of the measure. Capacities above this value are censored.
     dt, duration, until_rest, check : optional
         Settings of each run, as for `run`; `check` is False by default.
@@ -266,18 +266,18 @@ def ida(
         Precision, thresholds, maximum level, time steps.
     method : str, optional
         Method; by default the method of the model.
-    pair : str
-        Combination of the components of a pair in the intensity measure: a name of `PAIRS`; by
-        default the geometric mean.
+    pair : str, default "geometric-mean"
+        Combination of the components of a pair in the intensity measure: `geometric-mean`,
+        `rotd50`, `rotd100`, `larger` or `srss`.
     jobs : int, optional
         Number of threads, by default one per processor; it does not affect the results.
     folder : str or Path, optional
         Directory for the results of completed runs. The next call with the same arguments continues
         from these results.
-    overwrite : bool
+    overwrite : bool, default False
         True to replace another study in the directory. Its store remains until the results of the
         new study are written (`tdint.studies.store.opening.write_from_store`).
-    progress : bool or callable
+    progress : bool or callable, default False
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
         with the number of completed records and of all records.
     mainshock : Mainshock, optional

@@ -268,7 +268,7 @@ def match(
     damping : float or sequence of float
         Damping ratios of the spectra; default 0.05. The motion is matched at all these ratios
         together.
-    progress : bool or callable
+    progress : bool or callable, default False
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that receives
         the number of completed stages and the maximum number of stages.
 

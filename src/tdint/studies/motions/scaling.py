@@ -416,9 +416,9 @@ def scale(
         over the range of the target.
     damping : float
         Damping ratio of the spectra; default 0.05.
-    pair : str
-        Spectrum that represents a pair: a name of `tdint.studies.motions.intensity.PAIRS`. `asce7`
-        prescribes maximum-direction spectra.
+    pair : str, default "geometric-mean"
+        Spectrum that represents a pair: `geometric-mean`, `rotd50`, `rotd100`, `larger` or `srss`.
+        `asce7` prescribes maximum-direction spectra.
 
     Returns
     -------

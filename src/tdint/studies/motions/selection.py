@@ -83,10 +83,10 @@ def select(
         As for `scale`.
     count : int
         Number of motions to select.
-    rule : str
+    rule : str, default "mean"
         `mean` (each motion has an individual factor within the limits), or `asce7` or `ec8`, which
         are applied to the selected motions, also if they are fewer than the code requires.
-    factors : tuple of two floats
+    factors : tuple of two floats, default (0.25, 4.0)
         Minimum and maximum factor. A motion that needs a factor outside of these limits is
         considered with the limit. The common factor of a rule is included.
     events : sequence, optional

@@ -775,12 +775,13 @@ def inventory(
     units : str
         Unit of lengths, such as `m` or `ft`. Areas are in its square. It is required, as on the
         command line, because a file does not state it.
-    rules : str
-        Name of the rules, one of `RULES` that does not require classes.
-    stiffness_scatter, damping_scatter : float
+    rules : str, default "mdof-lu"
+        Name of the rules. `capacity` requires classes and is refused here: `tdint inventory` and
+        campaigns have them.
+    stiffness_scatter, damping_scatter : float, default 0.0
         Standard deviations of the random factors on stiffness and damping ratio, as in campaign
         files (`derive_all`).
-    seed : int
+    seed : int, default 0
         Seed of the random factors.
     mapping : str or Path, optional
         CSV file with the columns of an inventory for each taxonomy of an exposure model.

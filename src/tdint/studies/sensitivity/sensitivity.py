@@ -171,7 +171,7 @@ def sensitivity(
         Time step, s; by default the value of the model.
     jobs : int, optional
         Number of threads; the default is the number of processors.
-    progress : bool or callable
+    progress : bool or callable, default False
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
         with the number of completed runs and of all runs.
 
