@@ -19,12 +19,14 @@ import subprocess
 import sys
 import tomllib
 from contextlib import contextmanager
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import reference_tables
+from benchmarks import measured
 from tdint import assessment, make_record, plugin, prepare, studies
 from tdint.assessment import tables as examples
 from tdint.assessment.failures.failures import HardProblem, problems
@@ -444,9 +446,13 @@ def plugin_names():
 PARTS = {
     "columns": column_tables, "commands": command_list, "estimates": estimate_table,
     "features": reference_tables.feature_table, "layers": layer_table, "laws": law_table,
+    "measured": measured.measured_table,
     "methods": method_table, "models": model_table, "outputs": reference_tables.output_table,
     "plugin": plugin_names,
-    "problems": problem_table, "units": reference_tables.unit_table,
+    "problems": problem_table,
+    "reliability": partial(measured.reliability_table, "reliability"),
+    "separate_solver": partial(measured.reliability_table, "separate-solver"),
+    "without_record": measured.without_record_table, "units": reference_tables.unit_table,
 }  # fmt: skip
 """What each generated part is made by; a part stands in one file."""
 

@@ -12,7 +12,8 @@ steps of `--samples` sampling intervals. With `--scales`, print a second table f
 that are more than ten times the true error, in %, over all stories. The reference solution is
 impulse4 with 32 steps per sampling interval. An error is not judged if gauss4 (moment4 for
 power-law dashpots) with the same steps differs from the true value by more than a fifth of the
-error, or if it is below 1e-6 of the peak.
+error, or if it is below 1e-6 of the peak. `--store` writes the numbers of errors to
+reliability.csv, from which `python tests/readmes.py --parts` writes the tables of the page.
 
 tolerance: print how many runs for tolerances of 10 to 0.01 % are within them, by the methods of
 `--method`, and the solves of all runs of a search (without runs of impulse4 that estimate errors of
@@ -36,6 +37,7 @@ from functools import cache, partial
 from itertools import chain, product, takewhile
 from pathlib import Path
 
+import measured
 import numpy as np
 import plain_solver
 from common import ROOT
@@ -311,6 +313,63 @@ def cell(arrays):
     return f"{too_small:.2f} / {too_large:.1f}"
 
 
+def counted(arrays):
+    """Return the numbers of errors, of estimates that are too small, and of those that are more
+    than ten times too large, as a dictionary; `arrays` as for `cell`."""
+    true, estimate = np.concatenate(arrays, axis=1) if arrays else np.empty((2, 0))
+    return {
+        "errors": true.size,
+        "too_small": int(np.sum(true > 2.0 * estimate)),
+        "too_large": int(np.sum(estimate > 10.0 * true)),
+    }
+
+
+def store(table, results, found):
+    """Replace the rows of a table in reliability.csv.
+
+    Parameters
+    ----------
+    table : str
+        Name of the table.
+    results : list
+        Name and errors of each case.
+    found : iterable of (tuple of str, list of ndarray)
+        Method, time steps and quantity of each row, and its arrays as for `cell`.
+    """
+    cases = {"cases": len(results), "confirmed": sum(bool(rows) for _, rows in results)}
+    old = [row for row in measured.rows(measured.RELIABILITY) if row["table"] != table]
+    heads = ("method", "samples", "quantity")
+    new = [
+        {"table": table} | dict(zip(heads, key, strict=True)) | counted(arrays) | cases
+        for key, arrays in found
+    ]
+    measured.write(measured.RELIABILITY, sorted(old + new, key=lambda row: row["table"]))
+    measured.store("Reliability of error estimates")
+
+
+def rows_with_record(results):
+    """Yield the rows of `store` for results of `judged` with the time steps of `SAMPLES`."""
+    groups = {measured.SHORT: [x for x in SAMPLES if x < LONG]}
+    groups[measured.LONG] = [x for x in SAMPLES if x >= LONG]
+    for method, (samples, lengths), name in product(METHODS, groups.items(), NAMES):
+        keys = [(method, length, name) for length in lengths]
+        arrays = [rows[key] for _, rows in results for key in keys if key in rows]
+        if arrays:
+            yield (method, samples, name), arrays
+
+
+def rows_without_record(results):
+    """Yield the rows of `store` for results of `judged_without_record`."""
+    for method, part, case in product(NO_RECORD_METHODS, PERIOD_PARTS, (0, 1)):
+        arrays = [
+            array
+            for seed, rows in results
+            if seed % 2 == case
+            for array in rows.get((method, part), ())
+        ]
+        yield (method, f"1/{part} of the period", ("free", "force")[case]), arrays
+
+
 def print_table(results, samples):
     """Print the two shares by method and column, and the numbers of errors that were judged.
 
@@ -505,6 +564,7 @@ def main():
     parser.add_argument("--samples", default=",".join(f"{length:g}" for length in SAMPLES))
     parser.add_argument("--method", default="impulse4,newmark-average")
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--store", action="store_true")
     options = parser.parse_args()
     names = list(names_of(options.seed, options.buildings, options.scales, options.standard))
     methods, samples = (
@@ -521,11 +581,15 @@ def main():
     with ProcessPoolExecutor(options.processes) as pool:
         results = list(pool.map(work, names))
     if options.table == "no-record":
+        if options.store:
+            store(options.table, results, rows_without_record(results))
         print_without_record(results)
         return
     if options.table == "tolerance":
         print_tolerances(results, methods)
         return
+    if options.store:
+        store(options.table, results, rows_with_record(results))
     for is_random in (True, False):
         group = [result for result in results if result[0].startswith("building") == is_random]
         if group:

@@ -10,6 +10,7 @@ import pytest
 
 import readmes
 import tdint
+from benchmarks import measured
 from grid.axes import AXES
 from readmes import ROOT
 from tdint.assessment.examples.paper_examples import examples
@@ -238,6 +239,41 @@ def rows(name):
 def test_number_of_a_page_is_counted(name, pattern):
     (said,) = re.findall(pattern, page(name), re.M)
     assert said == COUNTS[name, pattern]()
+
+
+def test_reliability_of_estimates_is_that_of_the_stored_table():
+    """The numbers of tests/README.md are those of benchmarks/reliability.csv."""
+    found = [row for row in measured.rows(measured.RELIABILITY) if row["table"] == "reliability"]
+    short = [row for row in found if row["samples"] == measured.SHORT]
+    said = re.search(
+        r"In (\d+) random buildings, ([\d.]+) % of the errors of (\w+) methods exceed twice the "
+        r"estimate, and ([\d.]+) %",
+        " ".join(page("tests/README.md").split()),
+    )
+    assert f"{said[2]}/{said[4]}" == measured.share(short)
+    assert said[1] == short[0]["confirmed"] and said[3] == "eight"
+    assert len({row["method"] for row in short}) == 8
+
+
+def test_sections_of_measurements_have_a_date():
+    """Each section of MEASUREMENTS.md has a row in measured.csv, or a command of tests."""
+    sections = re.split(r"(?m)^## ", page("tests/MEASUREMENTS.md"))[1:]
+    dated = {row["section"] for row in measured.rows(measured.MEASURED)}
+    titles = {section.partition("\n")[0]: section for section in sections}
+    assert dated <= set(titles)
+    undated = [text for title, text in titles.items() if title not in dated]
+    assert all("`pytest " in text for text in undated)
+    for row in measured.rows(measured.MEASURED):
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d", row["last_day"]) and row["commit"]
+        assert re.fullmatch(r"[0-9a-f]{12}", row["kernels"])
+
+
+def test_changed_kernels_mark_a_measurement():
+    row = measured.rows(measured.MEASURED)[0]
+    states = [
+        measured.state(row | {"kernels": text}) for text in (measured.digest_of_all(), "0" * 12)
+    ]
+    assert states == ["no", "yes"]
 
 
 # ---- Facts in several files
