@@ -16,6 +16,7 @@ from readmes import ROOT
 from tdint.assessment.examples.paper_examples import examples
 from tdint.errors import AnalysisError, ModelError, OutputError, RecordError, UsageError
 from tdint.kernels.laws import multilinear
+from tdint.methods.catalogue import catalogue
 from tdint.model.damage_states import STATES
 from tdint.model.status import FALLEN, NO_RESULT
 from tdint.response.spectra import target
@@ -224,6 +225,7 @@ COUNTS = {
     ("src/tdint/methods/EQUATIONS.md", r"0.02 s and the (\w+) figures"): lambda: text(
         last_figure()
     ),
+    ("CHANGELOG.md", r"(\d+) time-integration methods"): lambda: str(len(catalogue())),
     ("tests/MEASUREMENTS.md", r"all pairs of (\w+) properties"): lambda: text(len(AXES)),
 }
 """Pages with the pattern of a number, and the number that the program gives."""

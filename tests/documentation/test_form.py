@@ -138,7 +138,14 @@ def test_commands_of_a_page_have_different_outputs(path):
     assert sorted(outputs) == sorted(set(outputs))
 
 
-@pytest.mark.parametrize("page", ["tests/MEASUREMENTS.md", "src/tdint/methods/EQUATIONS.md"])
+@pytest.mark.parametrize(
+    "page",
+    [
+        relative_path(path)
+        for path in readmes.files()
+        if re.search(r"`[^`\n]*pytest\s[^`]*tests/", path.read_text())
+    ],
+)
 def test_commands_that_check_the_numbers_of_a_page_select_all_tests(page):
     """Without -m, pytest omits the long and the slow tests of a file."""
     spans = [
