@@ -799,6 +799,7 @@ def inventory(
         The file cannot be read, a column is missing, or rows are invalid. All invalid rows are
         listed.
     """
+    file = os.fspath(source)
     if not units:
         raise UsageError(
             "inventory: units is missing; specify the unit of lengths, units='ft' or 'm'"
@@ -808,7 +809,7 @@ def inventory(
     if rules == CAPACITY:
         raise UsageError("the rules capacity need classes; use `tdint inventory --classes FILE`")
     table = str(mapping) if mapping else None
-    rows, faults = read_inventory(os.fspath(source), LENGTH[units], mapping=table)
+    rows, faults = read_inventory(file, LENGTH[units], mapping=table)
     if faults:
         raise ModelError(faults)
     scatter = {"stiffness": stiffness_scatter, "damping": damping_scatter}
