@@ -139,7 +139,7 @@ def test_units_scatter_and_seed_of_an_inventory(tmp_path):
     def building(**arguments):
         return tdint.inventory(tmp_path / "b.csv", **{"units": "m"} | arguments)[0].building
 
-    with pytest.raises(UsageError, match="units is missing"):
+    with pytest.raises(UsageError, match="no unit of length; known: m"):
         tdint.inventory(tmp_path / "b.csv")
     plain = building()
     ratio = building(units="ft").stories[0].mass / plain.stories[0].mass

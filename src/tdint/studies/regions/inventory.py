@@ -800,20 +800,18 @@ def inventory(
         listed.
     """
     file = os.fspath(source)
-    if not units:
-        raise UsageError(
-            "inventory: units is missing; specify the unit of lengths, units='ft' or 'm'"
-        )
     if units not in LENGTH:
-        raise UsageError(f"unknown unit of length {units!r:.60}; known: {', '.join(LENGTH)}")
+        known = ", ".join(LENGTH)
+        raise UsageError(f"inventory: units {units!r:.60} is no unit of length; known: {known}")
     if rules == CAPACITY:
         raise UsageError("the rules capacity need classes; use `tdint inventory --classes FILE`")
-    table = str(mapping) if mapping else None
+    table = None if mapping is None else os.fspath(mapping)
     rows, faults = read_inventory(file, LENGTH[units], mapping=table)
     if faults:
         raise ModelError(faults)
-    scatter = {"stiffness": stiffness_scatter, "damping": damping_scatter}
-    return ResultList(derive_all(rows, rules, **scatter, seed=seed))
+    return ResultList(
+        derive_all(rows, rules, stiffness=stiffness_scatter, damping=damping_scatter, seed=seed)
+    )
 
 
 # ---- Questions about the rows: numbers of stories, heights, periods and drifts that are unusual
