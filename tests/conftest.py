@@ -158,6 +158,10 @@ def _is_not_about_compilation(record: logging.LogRecord) -> bool:
     return not record.getMessage().startswith(("compiling ", "waiting for another tdint"))
 
 
+_FRACTURING = ("linear", "bilinear", "tanh", "bouc-wen", "peak-oriented")
+"""Laws that fracture in the fast tests. Compiled within a test, each needs a process of its own."""
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile all loops and laws, which users get, before the first test, in parallel, so that none
     is compiled in two processes or within a test."""
@@ -175,10 +179,16 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         list_objects,
         required,
     )
+    from tdint.kernels.laws import NAMES
+    from tdint.kernels.laws.compiled import compiled_laws
+    from tdint.kernels.laws.fracture import FRACTURING
     from tdint.response.runs.analysis_kernels import all_kernels
 
-    # Loops that were installed with a wheel are not compiled again.
     kernels = all_kernels()
+    kernel, variant = kernels[0]
+    fracturing = compiled_laws(NAMES.index(name) + FRACTURING for name in _FRACTURING)
+    kernels.append((kernel, variant._replace(laws=fracturing)))
+    # Loops that were installed with a wheel are not compiled again.
     objects = zip(required(kernels), list_objects(kernels), strict=True)
     missing = [item for item, (*_, file, _) in objects if not file]
     terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
