@@ -20,7 +20,6 @@ def test_names_are_drawn_as_written(suffix: str, name: str) -> None:
         axes.plot([1, 100], [1, 100], label=name)
         axes.set(xscale="log", xlabel=name, title=name)
         axes.annotate(name, (1.0, 1.0))
-        axes.legend()
         figure.suptitle(name)
         return figure
 

@@ -278,7 +278,7 @@ def test_the_values_of_each_figure_equal_its_result(results):
     for axes, effect in zip(
         figures["sensitivity"].axes, map(parameter_effects.get, names), strict=True
     ):
-        scale = 100.0 if effect.quantity.unit == "1" else 1.0
+        scale = {"1": 100.0, "m/s^2": 1.0 / 9.80665}.get(effect.quantity.unit, 1.0)
         for bar, value in zip(axes.patches, (effect.at_low, effect.at_high), strict=True):
             assert [bar.get_x(), bar.get_x() + bar.get_width()] == pytest.approx(
                 [effect.as_it_is * scale, value * scale]

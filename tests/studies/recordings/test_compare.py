@@ -16,6 +16,7 @@ from tdint.ground_motion.reading.scale import moved
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.signal import Signal, has_offset
 from tdint.model.config.model_file import load_model
+from tdint.output.figures.static_curves import WORST_ROWS
 from tdint.response.runs.run import prepare, run_case
 from tdint.studies.recordings.compare import (
     _REQUIREMENTS,
@@ -506,15 +507,15 @@ def test_figure_shows_floors_with_least_agreement_and_overview(recorded_model):
     floors = [(event, floor) for event in compared for floor in event.floors]
     periods = np.geomspace(0.1, 1.0, 5)
     figure = comparison_picture(compared, periods, 0.05)
-    above, below, *panels = figure.axes
+    *panels, above, below = figure.axes
     for axes, values in ((above, "correlation"), (below, "peak_ratio")):
         points = [(*line.get_xdata(), *line.get_ydata()) for line in axes.lines[:8]]
         assert points == [
             (i // 2 + 1, getattr(floor, values)) for i, (_, floor) in enumerate(floors)
         ]
     assert below.lines[8].get_ydata() == [1.0, 1.0]
-    worst = sorted(floors, key=lambda pair: pair[1].correlation)[:4]
-    assert len(panels) == 12
+    worst = sorted(floors, key=lambda pair: pair[1].correlation)[:WORST_ROWS]
+    assert len(panels) == 3 * WORST_ROWS
     for (event, floor), history, close, spectrum in zip(
         worst, panels[::3], panels[1::3], panels[2::3], strict=True
     ):

@@ -387,7 +387,7 @@ def example_picture(
         Key of the exact solution in `tdint.assessment.examples.paper_examples.REFERENCES`.
     """
     runs = [run for run in runs if run.outcome == "done" and not run.variant]
-    figure, ((history_axes, close_up_axes),) = new_panels(7.5, (3.8, (5, 2)))
+    figure, ((history_axes, close_up_axes),) = new_panels(7.5, (3.8, (3, 2)))
     time = runs[0].motion.time
     exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
     displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]

@@ -305,8 +305,8 @@ class Picture:
             assert isinstance(figure, ShownFigure)
             figure.printed = printed
             with _panels_must_fit(printed.width):
-                _show_names_as_written(figure)
                 add_legends(figure)
+                _show_names_as_written(figure)
                 if printed != ON_SCREEN:
                     _apply_print_settings(figure, printed)
                 _place_legends(figure, _MAX_PAGE / INCH if printed.width else MAX_HEIGHT)
@@ -475,7 +475,7 @@ def _rearrange(
     place |= {"handleheight": legend.handleheight, "title": title.get_text() or None}
     legend = owner.legend(handles, labels, title_fontsize=title.get_fontsize(), **place)
     legend.get_title().set_multialignment("center")
-    for old, new in zip(texts, legend.get_texts(), strict=True):
+    for old, new in zip((title, *texts), (legend.get_title(), *legend.get_texts()), strict=True):
         new.set_parse_math(old.get_parse_math())
     added = legend.get_window_extent().height / figure.dpi
     height = figure.get_figheight()
