@@ -317,7 +317,7 @@ def floor_suite_picture(
         panels.setdefault(key, []).append(suite)
     shown = list(panels.values())[:_MAX_PANELS]
     height = 3.6 * math.ceil(len(shown) / 2) + 0.8
-    figure, (grid,) = new_panels(8.4, (height, (1,) * len(shown)), share="y", columns=2)
+    figure, (grid,) = new_panels(7.0, (height, (1,) * len(shown)), share="y", columns=2)
     plot_styles = building_styles(suite.building for suite in suites)
     several_scales = len({repr(suite.scale) for suite in suites}) > 1
     for axes, panel_suites in zip(grid, shown, strict=True):
@@ -467,7 +467,7 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
             "gradient.select_run(0).plot()"
         )
     shown = gradient.parameters[:_MOST_PARAMETERS]
-    figure, (panels,) = new_panels(8.0, (3.6, (1,) * len(shown)), columns=_COLUMNS)
+    figure, (panels,) = new_panels(7.2, (3.6, (1,) * len(shown)), columns=_COLUMNS)
     errors = gradient.errors.peak_drift if gradient.errors is not None else None
     for number, (axes, name) in enumerate(zip(panels, shown, strict=True)):
         values = gradient.peak_drift[number]
