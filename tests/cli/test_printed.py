@@ -49,7 +49,7 @@ def test_a_pdf_has_the_requested_width_truetype_fonts_and_text_of_six_to_eight_p
 def test_a_figure_has_the_requested_width_and_no_title(working_directory, tdint, drawn):
     tdint(*STABILITY, "--style", "width=7in,title=no", "--plot=a.svg", code=0)
     text = (working_directory / "a.svg").read_text()
-    assert "Δt/T" in text and "dt/T" not in text and "α=-0.1" in text
+    assert "Δt/T" in text and "dt/T" not in text and "α=\N{MINUS SIGN}0.1" in text
     assert 'width="504pt"' in text
     assert PRINTED.get() == PrintedAs()  # The style applies only to its command.
 
