@@ -762,7 +762,10 @@ def titled(figure: Figure, title: str) -> Figure:
         line = shorten(title_line, 3 * max_letters, placeholder=" ...")
         # A line does not break between a symbol, its value and its unit.
         line = _QUANTITY.sub(lambda match: match[0].replace(" ", NO_BREAK_SPACE), line)
-        parts = wrap(line, max_letters, break_on_hyphens=False)
+        # The smallest width with the minimum number of lines gives lines of similar length.
+        width, least = 1, len(wrap(line, max_letters, break_on_hyphens=False))
+        while len(parts := wrap(line, width, break_on_hyphens=False)) > least:
+            width += 1
         lines += [part.replace(NO_BREAK_SPACE, " ") for part in parts]
     figure.suptitle("\n".join(lines), fontsize=size, parse_math=False)
     return figure
