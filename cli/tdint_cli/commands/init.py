@@ -92,11 +92,11 @@ def command(request: Request) -> None:
         model: _model(file.stem, request, motion.name),
         motion: motion_text(VelocityPulse(), unit=unit),
     }
+    command, what = "run", "model"
     if request.campaign:
         texts[file] = campaign_text(file.stem, model.name, motion.name)
+        command, what = "campaign", f"campaign of the model {model}"
     write_files({path: text.encode() for path, text in texts.items()}, overwrite=request.overwrite)
-    command = "campaign" if request.campaign else "run"
-    what = f"campaign of the model {model}" if request.campaign else "model"
     say(f"{file}: {what}, ready to run under the artificial ground motion {motion}. Next:")
     quoted = shlex.quote(name)
     say(f"  tdint check {quoted}\n  tdint {command} {quoted} -o out --plot")

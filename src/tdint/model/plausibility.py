@@ -6,7 +6,6 @@ Most unusual values are caused by wrong units. Unusual buildings cause warnings 
 from __future__ import annotations
 
 import math
-import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -732,10 +731,8 @@ def unusual_ductility(model: Model, yield_drift: Array, ductility: Array) -> lis
 def _yield_point(values: Mapping[str, float]) -> float:
     """Return the drift of the yield point of a backbone of points, m, from the parameters of the
     law by name; 0 for another law."""
-    drifts, forces = (
-        [0.0, *(values[name] for name in values if re.fullmatch(rf"backbone\[\d+\].{what}", name))]
-        for what in ("drift", "force")
-    )
+    points = [value for name, value in values.items() if name.startswith("backbone[")]
+    drifts, forces = [0.0, *points[::2]], [0.0, *points[1::2]]
     last = forces.index(max(forces)) + 1
     secant_force = _SECANT * max(forces)
     return float(np.interp(secant_force, forces[:last], drifts[:last])) / _SECANT

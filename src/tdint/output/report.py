@@ -108,8 +108,9 @@ def model_chapter(
         facts += f" Values instead of those of the model file: {', '.join(changed)}."
     devices = buildings.device_model_table(model, units)
     text, stories = _story_parts(model, units, base)
-    tables = [*stories, *([devices] if devices else [])]
-    parts: list[Part] = [f"{facts} {text}".rstrip(), *tables]
+    parts: list[Part] = [f"{facts} {text}".rstrip(), *stories]
+    if devices:
+        parts.append(devices)
     return Chapter(f"Building: {model.name}", parts)
 
 

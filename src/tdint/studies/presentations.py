@@ -31,6 +31,18 @@ def _comparison_picture(comparisons: Sequence[Any], units: OutputUnits) -> Figur
     return studies.comparison_figures.comparison_picture(comparisons, periods, SA_DAMPING, units)
 
 
+def _fragility_picture(functions: Sequence[Any], units: OutputUnits) -> Figure:
+    """Return the figure of fragility functions, with accelerations in g."""
+    module = studies.fragility_figures
+    return module.fragility_picture(module.in_figure_units(functions, units))
+
+
+def _draw_fragility(axes: Any, functions: Sequence[Any], units: OutputUnits) -> None:
+    """Plot fragility functions on a panel, with accelerations in g."""
+    module = studies.fragility_figures
+    module.draw_functions(axes, module.in_figure_units(functions, units))
+
+
 PRESENTATIONS: dict[str, Presentation] = {
     "CampaignRuns": Presentation(lambda result: studies.campaign_tables.stored_columns(result)),
     "Comparison": Presentation(
@@ -39,21 +51,13 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Fragility": Presentation(
         rows=lambda results, _: studies.fragility_tables.fragility_table(results),
-        picture=lambda results, units: studies.fragility_figures.fragility_picture(
-            studies.fragility_figures.in_figure_units(results, units)
-        ),
-        on_axes=lambda ax, results, units: studies.fragility_figures.draw_functions(
-            ax, studies.fragility_figures.in_figure_units(results, units)
-        ),
+        picture=_fragility_picture,
+        on_axes=_draw_fragility,
     ),
     "FragilityResult": Presentation(
         lambda result: studies.fragility_tables.fragility_table(result.functions),
-        picture=lambda result, units: studies.fragility_figures.fragility_picture(
-            studies.fragility_figures.in_figure_units(result.functions, units)
-        ),
-        on_axes=lambda ax, result, units: studies.fragility_figures.draw_functions(
-            ax, studies.fragility_figures.in_figure_units(result.functions, units)
-        ),
+        picture=lambda result, units: _fragility_picture(result.functions, units),
+        on_axes=lambda ax, result, units: _draw_fragility(ax, result.functions, units),
         alone=True,
     ),
     "Gradient": Presentation(

@@ -366,7 +366,7 @@ def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
     """
     stories = response.stories
     story, reason = 0, "no drift"
-    isolators = [story.isolator for story in response.model.stories]
+    isolators = [item.isolator for item in response.model.stories]
     for values, name, factor, unit in (
         (
             units.of(np.where(isolators, stories.peak_drift, math.nan), "m"),

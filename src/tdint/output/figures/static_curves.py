@@ -1,5 +1,5 @@
 """Figures of comparisons with recordings, of buildings without ground motion (cyclic tests,
-pushovers)and of records."""
+pushovers) and of records."""
 
 from __future__ import annotations
 

@@ -253,11 +253,9 @@ def _show_names_as_written(figure: Figure) -> None:
     labels = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
     for text in figure.findobj(Text):
         content = text.get_text()
-        text.set_text(_MINUS.sub("\N{MINUS SIGN}", content))
         if "$" in _FORMULA.sub("", content) and text not in labels:
             text.set_parse_math(False)
-        if (written := write_out_controls(text.get_text(), keep="\n")) != content:
-            text.set_text(written)
+        text.set_text(write_out_controls(_MINUS.sub("\N{MINUS SIGN}", content), keep="\n"))
 
 
 def _save(figure: Figure, stream: BinaryIO, printed: PrintedAs, dpi: int, **saved: Any) -> None:
@@ -336,9 +334,9 @@ def _fixed_layout(figure: Figure, dpi: float) -> Iterator[None]:
     figure.dpi = dpi
     try:
         # Ticks depend on the size of the panels, which depends on the labels of the ticks.
-        for layout in (engine, engine):
-            if layout:
-                layout.execute(figure)
+        if engine:
+            for _ in range(2):
+                engine.execute(figure)
         figure.set_layout_engine(None)
         yield
     finally:
@@ -763,7 +761,8 @@ def titled(figure: Figure, title: str) -> Figure:
         # A line does not break between a symbol, its value and its unit.
         line = _QUANTITY.sub(lambda match: match[0].replace(" ", NO_BREAK_SPACE), line)
         # The smallest width with the minimum number of lines gives lines of similar length.
-        width, least = 1, len(wrap(line, max_letters, break_on_hyphens=False))
+        least = len(wrap(line, max_letters, break_on_hyphens=False))
+        width = max(len(line) // max(least, 1), 1)
         while len(parts := wrap(line, width, break_on_hyphens=False)) > least:
             width += 1
         lines += [part.replace(NO_BREAK_SPACE, " ") for part in parts]
