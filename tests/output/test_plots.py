@@ -16,11 +16,12 @@ from tdint.assessment.stability.stability import stability
 from tdint.assessment.stability.stability_figures import order_picture, stability_picture
 from tdint.errors import OutputError
 from tdint.files import write_files
+from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.output.figures.loads import load_picture
-from tdint.output.figures.runs import loop_story, run_picture
+from tdint.output.figures.runs import loop_story, plan_picture, run_picture
 from tdint.output.figures.spectrum_curves import (
     difference_picture,
     draw_adrs,
@@ -283,6 +284,28 @@ def test_the_panels_of_a_level_have_equal_heights():
     assert drifts.get_ylim() == accelerations.get_ylim() == shears.get_ylim() == (0.5, 2.5)
     assert {tuple(line.get_ydata()) for line in drifts.lines} == {(0.5, 1.5, 1.5, 2.5), ()}
     assert {tuple(line.get_ydata()) for line in accelerations.lines} == {(1.5, 2.5), ()}
+
+
+def test_a_single_story_has_its_number_only():
+    """The axis of a one-story building shows no fractions of a story."""
+    profile = profile_of_suite("frame", 3, 0)
+    low = replace(
+        profile,
+        height=profile.height[:1],
+        peaks={name: values[:, :1] for name, values in profile.peaks.items()},
+    )
+    panel = profile_picture([low]).axes[0]
+    bottom, top = panel.get_ylim()
+    assert [tick for tick in panel.get_yticks() if bottom <= tick <= top] == [1.0]
+
+
+def test_all_stories_are_drawn_in_both_directions():
+    """The axis begins and ends half a story beyond the first and the last story."""
+    one = {"mass": 2e5, "x": {"stiffness": 1.2e8}, "y": {"stiffness": 8e7}}
+    pair = Horizontals(motion("HNE"), motion("HNN"))
+    figure = plan_picture(run(load_model({"stories": [one, one]}), pair, history=True))
+    (panel,) = (axes for axes in figure.axes if axes.get_ylabel() == "story")
+    assert panel.get_ylim() == (0.5, 2.5) and len(panel.patches) == 3
 
 
 def test_the_shorter_bar_of_a_tornado_is_in_front():

@@ -116,6 +116,17 @@ def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -
     assert groups == {("shaken", ""), ("shaken", "shaken")}
 
 
+def test_factors_of_a_file_without_levels_are_one_level(folder: Path, tdint: Command) -> None:
+    """The motions are one suite of level 1, although each has a factor of its own."""
+    factors = "record,component,factor\nmotion.mseed,,0.5\nother.mseed,,1\n"
+    (folder / "factors.csv").write_text(factors)
+    text = STUDY.replace("scales: [0.5, 1]", "factors: factors.csv")
+    (folder / "study.yaml").write_text(text + DAMAGE % (0.01, 0.02, 0.4))
+    tdint("campaign", "study.yaml", "-o", "out", code=0)
+    groups = {(row["level"], row["runs"]) for row in rows("out/damage-types.csv")}
+    assert groups == {("1", "2")}
+
+
 def test_runs_without_a_result_have_no_state(folder: Path, tdint: Command) -> None:
     """They are excluded from all means and are counted as failed."""
     (folder / "stiff.yaml").write_text(

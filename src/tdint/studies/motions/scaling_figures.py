@@ -27,6 +27,7 @@ from tdint.output.figures.style import (
     titled,
 )
 from tdint.output.spectrum_text import spectrum_text
+from tdint.response.spectra.elastic import SHORTEST
 from tdint.studies.motions import intensity
 from tdint.studies.motions.scaling import MIN_AVERAGE_RATIO, Scaling, suite_spectra
 from tdint.units import SI, OutputUnits
@@ -54,7 +55,6 @@ _PERIODS = (0.05, 5.0, 120)
 """First period (s), last period (s) and number of periods of the spectra of a scaled suite."""
 _MAX_PERIOD_RATIO = 1.5
 """Period divided by the longest period of the rule, up to which spectra determine the axis."""
-_MIN_INTERVALS = 0.06  # minimum period of spectra divided by the sampling interval
 
 
 def pair_text(demand: str) -> str:
@@ -156,7 +156,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
             low = min(low, 0.8 * float(target_periods[0]))
             high = max(high, 1.25 * float(target_periods[-1]))
     intervals = [record.dt for motion in scaling.motions for record in components(motion)]
-    periods = np.geomspace(max(low, _MIN_INTERVALS * max(intervals)), high, int(count))
+    periods = np.geomspace(max(low, SHORTEST * max(intervals)), high, int(count))
     # One line for each ground motion. FEMA P-695 uses the median of all components: one line for
     # each component.
     quantity = scaling.noun
