@@ -11,7 +11,6 @@ from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
 from tdint.ground_motion.record import Record
-from tdint.number_parsing import any_case
 
 _UNKNOWN_UNTIL = "1970-01-02"
 """MiniSEED files without a known time start in 1970."""
@@ -38,7 +37,7 @@ _CLOCK = (
 )
 _NAME_OF_MONTH = r"(?P<month>(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*)\.?"
 _DATES = tuple(
-    any_case(rf"(?<![\d.]){date}(?!\d){_CLOCK}")
+    rf"(?i)(?<![\d.]){date}(?!\d){_CLOCK}"
     for date in (
         r"(?P<year>\d{4})[-/](?P<month>\d{1,2})[-/](?P<day>\d{1,2})",
         r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4}|\d\d)",
@@ -47,7 +46,7 @@ _DATES = tuple(
         rf"(?P<year>\d{{4}})\s+{_NAME_OF_MONTH}\s+(?P<day>\d{{1,2}})",
     )
 )
-_IGNORED_WORDS = re.compile(r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|fri|sat|sun)\b")
+_IGNORED_WORDS = r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|fri|sat|sun)\b"
 
 
 class Earthquake(NamedTuple):
@@ -99,7 +98,7 @@ def parse_event(text: str) -> Earthquake:
         Event with the name and the time that the text states; a text without a date is the name.
     """
     for pattern in _DATES:
-        match = pattern.search(text)
+        match = re.search(pattern, text)
         time = _time_of(match) if match else None
         if match and time:
             has_clock = bool(match["hour"] or match["digits"])
@@ -198,6 +197,6 @@ def _names_agree(name: str, other: str) -> bool:
 def _words_and_numbers(name: str) -> tuple[list[str], list[int]]:
     """Return the words of a name in lower case and its numbers, without words that do not identify
     an event, such as "earthquake"."""
-    parts = re.findall(r"[^\W\d_]+|\d+", _IGNORED_WORDS.sub(" ", name.lower()))
+    parts = re.findall(r"[^\W\d_]+|\d+", re.sub(_IGNORED_WORDS, " ", name.lower()))
     words = [part for part in parts if not part.isdecimal()]
     return words, [int(part) for part in parts if part.isdecimal()]

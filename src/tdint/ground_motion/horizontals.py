@@ -17,15 +17,15 @@ from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.events import is_same_event, parse_event
 from tdint.ground_motion.record import Record, component_names
-from tdint.number_parsing import abbreviate, any_case
+from tdint.number_parsing import abbreviate
 
-_VERTICAL = any_case(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z")
-_WITH_LOCATION = any_case(r"([A-Z][GHLN][ENZ12])\d\d")
+_VERTICAL = r"(?i)UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z"
+_WITH_LOCATION = r"([A-Z][GHLN][ENZ12])\d\d"
 """Pattern of a SEED channel code followed by the location code, as in files of NGA-East (BHZ00)."""
-_AZIMUTH = re.compile(r"\d{1,3}")
-_QUADRANT = any_case(r"([NS])(\d{1,2})([EW])")
-_NORTH = any_case(r"N-?S\d?|([A-Z]{2})?N")
-_EAST = any_case(r"E-?W\d?|([A-Z]{2})?E")
+_AZIMUTH = r"\d{1,3}"
+_QUADRANT = r"(?i)([NS])(\d{1,2})([EW])"
+_NORTH = r"(?i)N-?S\d?|([A-Z]{2})?N"
+_EAST = r"(?i)E-?W\d?|([A-Z]{2})?E"
 _MIN_AZIMUTH = 4  # degrees; the component names 1, 2 and 3 are channel numbers
 _PERPENDICULAR_AXES = ({"1", "2"}, {"X", "Y"}, {"R", "T"}, {"N", "P"})
 """Last characters of the names of two perpendicular components, for example HN1 and HN2, radial and
@@ -267,7 +267,7 @@ def _check_lengths(first: Record, second: Record, source: str) -> None:
 
 def is_vertical(component: str) -> bool:
     """Return True if the name of a component is a vertical direction."""
-    return bool(_VERTICAL.fullmatch(_channel_code(component)))
+    return bool(re.fullmatch(_VERTICAL, _channel_code(component)))
 
 
 def azimuth(component: str) -> float | None:
@@ -283,23 +283,23 @@ def azimuth(component: str) -> float | None:
         direction.
     """
     name = _channel_code(component)
-    if _AZIMUTH.fullmatch(name):
+    if re.fullmatch(_AZIMUTH, name):
         # The numbers 1 to 3 are channel numbers, not directions.
         is_direction = int(name) >= _MIN_AZIMUTH or name in ("0", "00", "000")
         return float(name) if is_direction else None
-    if match := _QUADRANT.fullmatch(name):
+    if match := re.fullmatch(_QUADRANT, name):
         # The angle is measured from north or south towards east or west.
         angle = float(match[2]) * (1.0 if match[3] == "E" else -1.0)
         return angle % 360.0 if match[1] == "N" else (180.0 - angle) % 360.0
-    if _NORTH.fullmatch(name):
+    if re.fullmatch(_NORTH, name):
         return 0.0
-    return 90.0 if _EAST.fullmatch(name) else None
+    return 90.0 if re.fullmatch(_EAST, name) else None
 
 
 def _channel_code(component: str) -> str:
     """Return a component name in upper case, without the location after a channel code."""
     name = component.strip().upper()
-    match = _WITH_LOCATION.fullmatch(name)
+    match = re.fullmatch(_WITH_LOCATION, name, re.I)
     return match[1] if match else name
 
 
@@ -335,18 +335,16 @@ def at_right_angles(component: str, other: str) -> bool:
 
 # ---- Grouping of files into pairs of horizontal components, by usual or user-specified names
 
-_KNET = any_case(r"\.(?P<component>EW|NS|UD)(?=\d?$)")
-_NGA_EAST = any_case(rf"(?<![A-Z0-9])(?P<component>{_WITH_LOCATION.pattern})(?=\.AT2$)")
-_PEER = any_case(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)")
-_SEED = any_case(r"(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])")
-_ENDING = any_case(
-    r"(?:(?<=[-_])|(?<=\.)(?=\w+\.))"
+_KNET = r"(?i)\.(?P<component>EW|NS|UD)(?=\d?$)"
+_NGA_EAST = rf"(?i)(?<![A-Z0-9])(?P<component>{_WITH_LOCATION})(?=\.AT2$)"
+_PEER = r"(?i)[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)"
+_SEED = r"(?i)(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])"
+_ENDING = (
+    r"(?i)(?:(?<=[-_])|(?<=\.)(?=\w+\.))"
     r"(?P<component>(?:NS|EW|UD)[12]?|SN|WE|UP|DN|VERT?|FN|FP|H[12]|[NEZXYRT])"
     r"(?=(?:\.[A-Z]\w*){0,2}$)"
 )
-_DIRECTION = any_case(
-    r"[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)"
-)
+_DIRECTION = r"(?i)[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)"
 """Direction in degrees at the end of a file name of any format. A number is not necessarily a
 component (R001.csv), so this pattern counts only for two files at right angles."""
 
@@ -450,7 +448,7 @@ def motion_names(files: Sequence[str]) -> list[str]:
     # Files without a recognized component are grouped by their names without the direction.
     groups: dict[str, list[tuple[int, str]]] = {}  # (index in files, direction) of each file
     for index, (file, name) in enumerate(zip(files, names, strict=True)):
-        match = _DIRECTION.search(Path(file).name) if name == file else None
+        match = re.search(_DIRECTION, Path(file).name) if name == file else None
         if match:
             group_name = _replace_component(file, match)
             groups.setdefault(group_name, []).append((index, match["component"]))
@@ -470,7 +468,7 @@ def pair_name(first: str, second: str) -> str:
     files that do not differ in a recognized component, the name of the first file."""
     matches = [_find_component(Path(file).name) for file in (first, second)]
     if not all(matches):
-        matches = [_DIRECTION.search(Path(file).name) for file in (first, second)]
+        matches = [re.search(_DIRECTION, Path(file).name) for file in (first, second)]
     if first == second or not (matches[0] and matches[1]):
         return first
     name = Path(first).name
@@ -489,10 +487,10 @@ def _replace_component(file: str, match: re.Match[str] | None) -> str:
     start, end = match.span("component")
     before = path.name[:start]
     # The separator before a direction is optional, so that it does not distinguish ground motions.
-    name = before.rstrip("-_") if match.re in (_PEER, _DIRECTION) else before
+    name = before.rstrip("-_") if match.re.pattern in (_PEER, _DIRECTION) else before
     # The first two characters of a channel code (HN of HNE) identify the instrument, and are kept.
     # The digits after the code are the location.
-    is_code = match.re in (_SEED, _NGA_EAST)
+    is_code = match.re.pattern in (_SEED, _NGA_EAST)
     instrument, location = (match["component"][:2], match["component"][3:]) if is_code else ("", "")
     return str(path.with_name(f"{name}{instrument}?{location}{path.name[end:]}"))
 
@@ -619,7 +617,7 @@ def _find_component(name: str, *, in_degrees: bool = False) -> re.Match[str] | N
     `component`; None if no pattern matches. With `in_degrees`, the name of a component may also be
     a direction in degrees."""
     patterns = (_KNET, _NGA_EAST, _PEER, _SEED, _ENDING, *((_DIRECTION,) if in_degrees else ()))
-    return next((match for pattern in patterns if (match := pattern.search(name))), None)
+    return next((match for pattern in patterns if (match := re.search(pattern, name))), None)
 
 
 def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:

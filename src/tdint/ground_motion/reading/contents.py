@@ -31,7 +31,6 @@ from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
-from tdint.number_parsing import any_case
 from tdint.units import parse_units
 
 if TYPE_CHECKING:
@@ -68,9 +67,9 @@ files. Not supported: PICKLE executes code; CSS, NNSA_KB_CORE and Q open files n
 and SACXY do not detect corrupt files; DMX, PDAS, SEISAN, WIN and Y require a file name; CYBERSHAKE
 contains velocities; the remaining formats are not ground motion."""
 
-_CORRUPT_FILE_WARNING = any_case(
-    r"^ERROR|not be read|skip(?!_lines)|corrupt|truncat|integrity check|broken|contiguous|permuted|"
-    r"dropp"
+_CORRUPT_FILE_WARNING = (
+    r"(?i)^ERROR|not be read|skip(?!_lines)|corrupt|truncat|integrity check|broken|contiguous|"
+    r"permuted|dropp"
 )
 """Pattern of reader warnings that indicate missing or wrong samples. Other warnings (for example of
 an unusual header) become notes. Warnings of the readers of tdint must not match this pattern."""
@@ -477,7 +476,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         stated_values = look_at(name, data)
         traces, messages = _read(recognized)
         # Some readers only warn about samples that they cannot read. The warning is an error here.
-        if warning := next(filter(_CORRUPT_FILE_WARNING.search, messages), None):
+        if warning := next(filter(partial(re.search, _CORRUPT_FILE_WARNING), messages), None):
             raise Damaged(warning)
         # Small differences between the header and the samples are reported as warnings.
         with caught_messages() as differences:

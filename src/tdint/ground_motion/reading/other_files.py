@@ -10,32 +10,32 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
-from tdint.number_parsing import abbreviate, any_case
+from tdint.number_parsing import abbreviate
 
 _START = 4096  # bytes; start of a file where its type is recognized
 
-_DOCUMENT_SUFFIXES = any_case(
-    r"\.(?:md|rst|rtf|pdf|docx?|odt|pptx?|html?|xml|kml|kmz|png|jpe?g|gif|tiff?|svg|bib|py|ipynb|r|"
-    r"sh|bat|exe|db|ini|lnk|url|ya?ml|pptx?|eps|bmp|webp|mp4|mov|avi|pyc|tex|css|js|toml|cfg)"
+_DOCUMENT_SUFFIXES = (
+    r"(?i)\.(?:md|rst|rtf|pdf|docx?|odt|pptx?|html?|xml|kml|kmz|png|jpe?g|gif|tiff?|svg|bib|py|ipynb|"
+    r"r|sh|bat|exe|db|ini|lnk|url|ya?ml|pptx?|eps|bmp|webp|mp4|mov|avi|pyc|tex|css|js|toml|cfg)"
 )
 """Pattern of suffixes of files that never contain the samples of a ground motion."""
 
-_DATA_SUFFIXES = any_case(
-    r"\.(?:[avd]t2|[avd]th|acc\w{0,3}|th|ath|v[12]\w?|smc|cor|raw|evt|gcf|gse2?|m?i?n?i?seed|ms|sac|"
-    r"xlsx?|ods|mat|npy|npz|h5|hdf5?|gz|bz2|xz|7z|rar|tar|zip|kik|knt|(?:ns|ew|ud)[12]?)"
+_DATA_SUFFIXES = (
+    r"(?i)\.(?:[avd]t2|[avd]th|acc\w{0,3}|th|ath|v[12]\w?|smc|cor|raw|evt|gcf|gse2?|m?i?n?i?seed|ms|"
+    r"sac|xlsx?|ods|mat|npy|npz|h5|hdf5?|gz|bz2|xz|7z|rar|tar|zip|kik|knt|(?:ns|ew|ud)[12]?)"
 )
 """Pattern of suffixes of files that contain samples, also if the content shows no numbers because
 it is binary, compressed or damaged."""
 
-_SENSOR = any_case(r"(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*")
+_SENSOR = r"(?i)(?:gyro|magnetometer|barometer|location|gps|orientation|gravity|battery).*"
 """Pattern of the names of the tables of a telephone next to its accelerations."""
 
-_RESULT = re.compile(rb'\s*\{\s*"schema":\s*\{\s*"name":\s*"tdint')
-_LIST = any_case(rb"[\s\"']*(?:records?|file ?names?|files?|building)[\"']?\s*[,;\t]\s*[\"']?[a-z]")
+_RESULT = rb'\s*\{\s*"schema":\s*\{\s*"name":\s*"tdint'
+_LIST = rb"(?i)[\s\"']*(?:records?|file ?names?|files?|building)[\"']?\s*[,;\t]\s*[\"']?[a-z]"
 """Pattern of the first name of a table that lists records or contains results of records."""
 
-_SEARCH = any_case(
-    rb"PEER (?:Ground Motion|NGA).{0,40}Database(?! Record\b)|Record Sequence Number|"
+_SEARCH = (
+    rb"(?i)PEER (?:Ground Motion|NGA).{0,40}Database(?! Record\b)|Record Sequence Number|"
     rb"Scaled Spectra used in Search"
 )
 """Pattern of the table of a search, which PEER delivers with the records."""
@@ -53,18 +53,18 @@ def other_type(name: str, data: bytes) -> str:
         Content of the file.
     """
     path, start = PurePath(name), data[:_START]
-    if _SEARCH.search(start) and not re.fullmatch(r"\.[avd]t2", path.suffix, re.IGNORECASE):
+    if re.search(_SEARCH, start) and not re.fullmatch(r"\.[avd]t2", path.suffix, re.IGNORECASE):
         return "table of a search"
-    if _DOCUMENT_SUFFIXES.fullmatch(path.suffix) or path.stem.upper() in ("README", "LICENSE"):
+    if re.fullmatch(_DOCUMENT_SUFFIXES, path.suffix) or path.stem.upper() in ("README", "LICENSE"):
         return "document"
-    if _SENSOR.fullmatch(path.stem):
+    if re.fullmatch(_SENSOR, path.stem):
         return "another sensor"
-    if _RESULT.match(start) or _LIST.match(start):
+    if re.match(_RESULT, start) or re.match(_LIST, start):
         return "description or list of records"
     return ""
 
 
-_METADATA = re.compile(
+_METADATA = (
     r"rsn|record sequence.*|eqid|evid|(?:event|earthquake|eq|quake)\b.*|year|date|month|"
     r"(?:station|sta|site|network|net)\b.*|ssn|(?:m|mw|ml|mag|magnitude)\b.*|mechanism|"
     r"(?:clstd|rrup|rjb|rx|repi|rhyp|epid|hypd|jb|closest|epicentral|hypocentral|dist|distance)\b.*|"
@@ -93,7 +93,9 @@ def metadata_names(data: bytes) -> list[str]:
             continue
         cells = next(csv.reader([line], delimiter=mark))
         plain = [re.sub(r"[\W_]+", " ", cell.lower()).strip() for cell in cells]
-        names = [cell for cell, name in zip(cells, plain, strict=True) if _METADATA.fullmatch(name)]
+        names = [
+            cell for cell, name in zip(cells, plain, strict=True) if re.fullmatch(_METADATA, name)
+        ]
         if len(names) < _MIN_METADATA:
             continue
         below = [*csv.reader(rows[index + 1 : -1] or rows[index + 1 :], delimiter=mark)]
@@ -106,13 +108,11 @@ def metadata_names(data: bytes) -> list[str]:
 _FEW_NUMBERS = 20
 """Numbers in rows; a file with fewer numbers is no ground motion."""
 
-_MARKS = re.compile(r"(?:[\s,;|/=<>{}\[\]()\"']|(?<=\d):(?=[-+.\d])|(?<=\"):)+")
-_CELLS = re.compile("[,;\t|]")
-_TAG_OR_CLOCK = re.compile(
-    r"</?[a-z][^<>]*>|(?<![.\d])\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?(?!\.?\d)", re.I
-)
-_JSON_PAIR = re.compile(r'"([^"]*)"\s*:\s*[-+.\deE]+')
-_NUMBER_WORD = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[EeDd][-+]?\d+)?[a-z%^]{0,4}\d?")
+_MARKS = r"(?:[\s,;|/=<>{}\[\]()\"']|(?<=\d):(?=[-+.\d])|(?<=\"):)+"
+_CELLS = "[,;\t|]"
+_TAG_OR_CLOCK = r"(?i)</?[a-z][^<>]*>|(?<![.\d])\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?(?!\.?\d)"
+_JSON_PAIR = r'"([^"]*)"\s*:\s*[-+.\deE]+'
+_NUMBER_WORD = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[EeDd][-+]?\d+)?[a-z%^]{0,4}\d?"
 
 
 def has_few_numbers(data: bytes) -> bool:
@@ -126,17 +126,23 @@ def has_few_numbers(data: bytes) -> bool:
     """
     if b"\0" in data:
         return False
-    text = _TAG_OR_CLOCK.sub(
-        lambda match: " " if match[0][0] == "<" else " clock ", data.decode("utf-8", "replace")
+    text = re.sub(
+        _TAG_OR_CLOCK,
+        lambda match: " " if match[0][0] == "<" else " clock ",
+        data.decode("utf-8", "replace"),
     )
-    keys = Counter(_JSON_PAIR.findall(text))
-    text = _JSON_PAIR.sub(lambda pair: pair[0] if keys[pair[1]] >= _FEW_NUMBERS // 2 else " ", text)
+    keys = Counter(re.findall(_JSON_PAIR, text))
+    text = re.sub(
+        _JSON_PAIR, lambda pair: pair[0] if keys[pair[1]] >= _FEW_NUMBERS // 2 else " ", text
+    )
     found, forms = 0, Counter[tuple[bool, ...]]()
     for line in text.splitlines():
-        cells = [bool(_NUMBER_WORD.fullmatch(cell.strip(" \"'"))) for cell in _CELLS.split(line)]
+        cells = [
+            bool(re.fullmatch(_NUMBER_WORD, cell.strip(" \"'"))) for cell in re.split(_CELLS, line)
+        ]
         forms[tuple(cells)] += len(cells) >= _MIN_METADATA
-        words = [word for word in _MARKS.split(line) if word]
-        are_numbers = [bool(_NUMBER_WORD.fullmatch(word)) for word in words]
+        words = [word for word in re.split(_MARKS, line) if word]
+        are_numbers = [bool(re.fullmatch(_NUMBER_WORD, word)) for word in words]
         count = sum(are_numbers)
         if 2 * count >= len(words) and (count > 1 or are_numbers[:1] == [True]):
             found += count
@@ -147,7 +153,7 @@ def has_few_numbers(data: bytes) -> bool:
 
 def has_data_suffix(name: str) -> bool:
     """Return True if a file contains samples according to the suffix of its name."""
-    return bool(_DATA_SUFFIXES.fullmatch(PurePath(name).suffix))
+    return bool(re.fullmatch(_DATA_SUFFIXES, PurePath(name).suffix))
 
 
 def unused_text(reasons: Mapping[str, str]) -> str:
@@ -162,9 +168,9 @@ def unused_text(reasons: Mapping[str, str]) -> str:
 
 _MAX_NAMES = 10  # maximum number of names of each reason in a note
 
-_PEER = any_case(r"\.(?P<quantity>[AVD])T2$")
-_WORD = any_case(r"(?<![A-Z0-9])(?P<quantity>ACC|VEL|DISP?)(?![A-Z0-9])")
-_VOLUME = any_case(r"\.V(?P<quantity>[12])(?=[A-Z]?$)")
+_PEER = r"(?i)\.(?P<quantity>[AVD])T2$"
+_WORD = r"(?i)(?<![A-Z0-9])(?P<quantity>ACC|VEL|DISP?)(?![A-Z0-9])"
+_VOLUME = r"(?i)\.V(?P<quantity>[12])(?=[A-Z]?$)"
 """Patterns of the part of a name that states the quantity: PEER (.AT2, .VT2, .DT2), names of ESM,
 ITACA and programs (.ACC., _VEL.txt, .dis), and the volumes of strong-motion records (.V1
 uncorrected, .V2 corrected)."""
@@ -195,11 +201,11 @@ def repeated_motions(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         path = PurePath(name)
         for pattern in (_PEER, _VOLUME, _WORD):
-            if match := pattern.search(path.name):
+            if match := re.search(pattern, path.name):
                 rank, quantity = _QUANTITIES[match["quantity"][0].upper()]
                 start, end = match.span("quantity")
                 rest = f"{path.name[:start]}?{path.name[end:]}".upper()
-                key = (str(path.parent), pattern.pattern, rest)
+                key = (str(path.parent), pattern, rest)
                 motions.setdefault(key, []).append((rank, name, quantity))
                 break
     repeated: dict[str, str] = {}

@@ -28,7 +28,6 @@ from tdint.arrays import Array, max_absolute
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.missing import IncompleteRecord, Missing, likely_units
 from tdint.ground_motion.record import UNITS_BY_LOCATION
-from tdint.number_parsing import any_case
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _SPECIFY_COUNT_OR_RESPONSE = (
@@ -455,11 +454,11 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     raise IncompleteRecord(f"{label}: {problem}", Missing(units=likely))
 
 
-_PROCESSED = any_case(r"\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b")
+_PROCESSED = r"(?i)\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b"
 """Part of the names of processed files of ESM and ITACA, in cm/s^2, cm/s or cm: the quantity, and
 the type of processing (manual, converted or automatic)."""
 
-_WORDS = any_case(r"(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])")
+_WORDS = r"(?i)(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])"
 """Abbreviations of velocity and displacement in the name of a file."""
 
 _MAX_VELOCITY, _MAX_DISPLACEMENT = 10.0, 30.0
@@ -479,10 +478,10 @@ def named_quantity(label: str) -> str:
         Name of the file, which may precede a colon and the channel.
     """
     name = label.split(": ")[0].replace("\\", "/").rpartition("/")[2]
-    match = _PROCESSED.search(name)
+    match = re.search(_PROCESSED, name)
     if match:
         return {"VEL": "velocity", "DIS": "displacement"}.get(match[1].upper(), "")
-    match = _WORDS.search(name)
+    match = re.search(_WORDS, name)
     return ("velocity" if match[1] else "displacement") if match else ""
 
 
@@ -496,7 +495,7 @@ def _why_unlikely(trace: Any, label: str) -> tuple[str, str]:
     name = label.split(": ")[0]
     quantity = named_quantity(label)
     unit = {"velocity": "m/s", "displacement": "m"}.get(quantity, "m/s^2")
-    if _PROCESSED.search(name):
+    if re.search(_PROCESSED, name):
         return "the name is that of a processed file of ESM or ITACA", f"c{unit}"
     if quantity:
         return f"the name of the file states that the samples are a {quantity}", unit
