@@ -72,7 +72,7 @@ def is_debug() -> bool:
 _EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor on a terminal
 # A library argument in backticks, with or without its value, such as `skip_lines=1`. The groups are
 # its name and its value.
-_SETTING = re.compile(
+_SETTING = (
     r"`(units|component|inventory|step|column|skip_lines|rows|one_sided|resample)(?:=([^`]*))?`"
 )
 
@@ -192,7 +192,7 @@ def complain(text: str, settings: Settings | None = None) -> None:
             return f"`{name}: {value}`" if value else match[0]
         return f"{option} {shlex.quote(value)}" if value else option
 
-    text = abridged(_SETTING.sub(setting_of_command, text))
+    text = abridged(re.sub(_SETTING, setting_of_command, text))
     # File names and headers may contain terminal control characters.
     text = write_out_controls(text, keep="\n")
     try:

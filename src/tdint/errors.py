@@ -16,7 +16,7 @@ the start and at the end of a longer line. Lines are long if they quote a long i
 characters are about ten lines on a terminal.
 """
 
-_CONTROL = re.compile(
+_CONTROL = (
     "[\\x00-\\x1f\\x7f-\\x9f\\xad\\u061c\\u115f\\u1160\\u17b4\\u17b5\\u180b-\\u180f\\u200b"
     "\\u200e\\u200f\\u2028-\\u202e\\u2060-\\u206f\\u3164\\ufe00-\\ufe0f\\ufeff\\uffa0\\ufff0-\\ufffb"
     "\\ud800-\\udc7f\\udd00-\\udfff\\U0001bca0-\\U0001bca3\\U0001d173-\\U0001d17a"
@@ -31,7 +31,8 @@ U+DC80 to U+DCFF, which represent bytes that Python could not decode, are not in
 def write_out_controls(text: str, *, keep: str = "") -> str:
     """Return a text from a file for any output, with its control characters written out as escape
     sequences such as \\x1b, except the characters in `keep`."""
-    return _CONTROL.sub(
+    return re.sub(
+        _CONTROL,
         lambda match: match[0] if match[0] in keep else match[0].encode("unicode_escape").decode(),
         text,
     )

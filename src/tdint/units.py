@@ -68,7 +68,7 @@ GROUND_MOTION = {"acceleration": ACCELERATION, "velocity": VELOCITY, "displaceme
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 
 
-_POWER_OF_TEN = re.compile(r"^(?:[x*\u00d7]\s*)?10\s*(?:\^|\*\*)\s*\(?([-+\u2212]?\d{1,3})\)?")
+_POWER_OF_TEN = r"^(?:[x*\u00d7]\s*)?10\s*(?:\^|\*\*)\s*\(?([-+\u2212]?\d{1,3})\)?"
 
 
 class Units(NamedTuple):
@@ -107,7 +107,9 @@ def parse_units(text: str) -> Units:
     """
     stripped = text.strip()
     # A power of ten may be written 10^-3, x10^-3 or 10**-3.
-    stripped = _POWER_OF_TEN.sub(lambda power: f"1e{power[1].replace(chr(0x2212), '-')}", stripped)
+    stripped = re.sub(
+        _POWER_OF_TEN, lambda power: f"1e{power[1].replace(chr(0x2212), '-')}", stripped
+    )
     number = _NUMBER.match(stripped)
     factor = float(number[0]) if number else 1.0
     unit = canonical(stripped[number.end() :] if number else stripped)

@@ -27,7 +27,7 @@ from tdint.kernels.building.compiler import objects_of, outlined
 from tdint.kernels.building.load_or_compile import compile_ahead
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.process import Compilation
-from tdint.kernels.building.target import Target, named, native, runnable
+from tdint.kernels.building.target import NATIVE, Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.kernels.laws import NAMES
 from tdint.kernels.laws.compiled import compiled_laws
@@ -694,6 +694,20 @@ def test_truncated_object_of_ended_process_is_refused(cache, monkeypatch, second
     with pytest.raises(AnalysisError, match="out of memory"):
         compile_ahead(WANTED, ["linux-aarch64", "macos-aarch64"], None, print)
     assert not list(cache.rglob("*.object"))
+
+
+def test_process_of_a_form_also_compiles_kernels_without_forms():
+    """A process starts for about half a second, and code that kernels share is compiled in each."""
+    targets = {NATIVE: named(NATIVE)}
+    full, plain, law = (
+        Compilation(*pair, targets) for pair in ((follow, FULL), (follow, PLAIN), (scaled, ANY))
+    )
+    work = process_module._Work([plain, law, full], SimpleQueue(), set(), [], Event())
+    assert process_module._next(work) is plain
+    assert process_module._next(work) is full  # no process can compile it
+    assert process_module._next(work, plain.settings) is law
+    work.waiting.append(full)
+    assert process_module._next(work, plain.settings) is None
 
 
 PROGRAM_WITHOUT_COMPILER = """

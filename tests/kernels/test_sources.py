@@ -208,6 +208,15 @@ def test_directory_name_depends_only_on_versions(copy):
     stepping.write_text(text)
 
 
+@pytest.mark.parametrize(("name", "counts"), [("process", False), ("compiler", True)])
+def test_modules_of_the_compilation_count_if_objects_depend_on_them(copy, name, counts):
+    file = copy / "kernels" / "building" / f"{name}.py"
+    before = sources.digest_of_all()
+    file.write_text(file.read_text() + "UNUSED = 0\n")
+    forget()
+    assert (sources.digest_of_all() != before) is counts
+
+
 def test_kernel_that_calls_laws_is_not_compiled_without_them():
     """Such a kernel is requested with the laws of a building: without them, it would call address
     zero."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 RULES = ("mdof-lu", "capacity")
 
-_FILE_NAME = re.compile(r"[\w][\w .+-]{0,120}")
+_FILE_NAME = r"[\w][\w .+-]{0,120}"
 
 
 _MODELS = options.option("--models")
@@ -117,7 +117,7 @@ def _model_files(
     files: dict[Path, bytes] = {}
     for building in derived:
         name = building.row.id
-        if not _FILE_NAME.fullmatch(name):
+        if not re.fullmatch(_FILE_NAME, name):
             raise UsageError(
                 f"the id {name!r} cannot be used as a file name; with --models, ids must consist "
                 "of letters, digits, spaces and the characters _ . + -, and begin with a letter, a "

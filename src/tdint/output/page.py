@@ -259,21 +259,21 @@ _OPTIONS = re.compile(
 """Clause of a message that names an option, such as `; --no-check omits it`."""
 
 
-_BEFORE_UNIT = re.compile(r"(?<=\d) (?=%|(?:kN|kip|mm|kg|Hz|m|in|ft|s|g|t|N)(?![\w]))")
+_BEFORE_UNIT = r"(?<=\d) (?=%|(?:kN|kip|mm|kg|Hz|m|in|ft|s|g|t|N)(?![\w]))"
 _NO_BREAK_SPACE = "\u00a0"
 
 
 def _keep_units(text: str) -> str:
     """Return a text with no-break spaces between numbers and their units."""
-    return _BEFORE_UNIT.sub(_NO_BREAK_SPACE, text)
+    return re.sub(_BEFORE_UNIT, _NO_BREAK_SPACE, text)
 
 
-_POWER = re.compile(r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b")
+_POWER = r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b"
 
 
 def _plain(text: str) -> str:
     """Return a text with numbers such as 1.2e-05 rewritten as decimals (`table_number`)."""
-    return _POWER.sub(lambda match: table_number(float(match[0])), text)
+    return re.sub(_POWER, lambda match: table_number(float(match[0])), text)
 
 
 def once(texts: Iterable[str]) -> list[str]:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _LINE = 160  # maximum characters of a JSON line, indentation excluded
 _SCHEMA = 2  # version of the layout; increased when a key is removed or changes its meaning
 
-_FLAT_PART = re.compile(r'[\[{]\n(?:[^\[\]{}"]|"(?:[^"\\]|\\.)*")*[\]}]')
+_FLAT_PART = r'[\[{]\n(?:[^\[\]{}"]|"(?:[^"\\]|\\.)*")*[\]}]'
 """List or object of indented JSON without nested parts. Strings are matched as a whole, because
 they may contain brackets."""
 
@@ -143,7 +143,7 @@ def json_bytes(content: dict[str, Any]) -> bytes:
     text = json.dumps(_plain(content), indent=2, allow_nan=False)
     # A short list or object without nested parts is written on one line. Strings contain no line
     # ends here, because JSON escapes them.
-    text = _FLAT_PART.sub(_on_a_line, text)
+    text = re.sub(_FLAT_PART, _on_a_line, text)
     return (text + "\n").encode()
 
 

@@ -40,7 +40,7 @@ _UNITS = (
 _OTHER = any_case(r"\b(VELOCITY|DISPLACEMENT)\s+TIME\s+(?:HISTORY|SERIES)")
 _TITLE = any_case(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERING")
 _COMPONENT = any_case(r"\s*([A-Z0-9]{1,6})\b")
-_START = re.compile(r"\d{4}-\d\d-\d\dT[\d:.]+Z")  # start time in files written by tdint
+_START = r"\d{4}-\d\d-\d\dT[\d:.]+Z"  # start time in files written by tdint
 _WRITTEN_HERE = "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT"
 _ORIGIN = "; ORIGIN "
 """Separator of `_WRITTEN_HERE` and the origin of a motion in the first line."""
@@ -93,7 +93,7 @@ def read_at2(lines: Lines) -> list[Series]:
         channel = code(parts[-1]) if is_tdint_file else component[1]
         attributes = {"station": code(parts[-2]), "channel": channel}
         # Files of tdint also state the time of the first sample, before the station.
-        if is_tdint_file and _START.fullmatch(parts[-3].strip()):
+        if is_tdint_file and re.fullmatch(_START, parts[-3].strip()):
             start = datetime.fromisoformat(parts.pop(-3).strip())
             attributes["start"] = start.astimezone(UTC).replace(tzinfo=None)
         attributes["event"] = " ".join(" ".join(parts[:-2]).split())

@@ -39,7 +39,7 @@ REAL_WIDTH = 10  # characters of a real number of the header
 REALS = 50  # number of real numbers in the header of volume 1
 
 _INTEGERS = re.compile(r"\s*-?\d[-\d\s]{60,}")
-_LAST_INTEGERS = re.compile(r"[-\d\s]+")
+_LAST_INTEGERS = r"[-\d\s]+"
 POINTS = rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b"
 _UNITS = r"\bSEC AND\s+([A-Z/^0-9]+)"
 _PAIR_WIDTH = 7  # characters of a time or an acceleration
@@ -59,7 +59,7 @@ def text_header(lines: Lines) -> Header:
         No line of integers follows.
     """
     header = Header(lines.take_until(_INTEGERS.fullmatch, "header of integers"))
-    while (line := lines.peek()) is not None and _LAST_INTEGERS.fullmatch(line):
+    while (line := lines.peek()) is not None and re.fullmatch(_LAST_INTEGERS, line):
         lines.take()
     return header
 

@@ -34,7 +34,7 @@ _SEQUENCE = r"^#\s*DataSequence\s*:\s*Time\s+(.*)"
 _MAX_STATED_SAMPLES = 1e12
 """Maximum number of samples according to a header; a larger number is not compared."""
 
-_NAME = re.compile(r"(\w+)\s*\(\+\)")
+_NAME = r"(\w+)\s*\(\+\)"
 
 
 @recognizer
@@ -56,7 +56,7 @@ def read_cwb(lines: Lines) -> list[series.Series]:
     """
     header = series.Header(lines.take_until(is_row_of_numbers, "row of numbers"))
     units, rate = map(header.match, (_UNITS, _RATE))
-    names = _NAME.findall(header.field(_SEQUENCE))
+    names = re.findall(_NAME, header.field(_SEQUENCE))
     if not (names and rate and units):
         raise RecordError(
             "the header of the file must state the sampling rate, the units and the order of the "

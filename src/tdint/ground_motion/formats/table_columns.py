@@ -23,54 +23,52 @@ SECONDS |= dict.fromkeys(("ms", "msec"), 1e-3) | dict.fromkeys(("us", "µs"), 1e
 
 MOTIONS = ("acceleration", "velocity", "displacement")
 
-_NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
-_UNITS_IN_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*(.*?)\s*[)\]]")
-_UNITS_AT_END = re.compile(
-    r"(.*?)_((?:mm|cm|m|in|ft)_s2|(?:mm|cm|m|in|ft)_s|gal|g|sec|s|ms|mm|cm|m|in|ft)"
-)
+_NAME = r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?"
+_UNITS_IN_BRACKETS = r"(.*?)\s*[(\[]\s*(.*?)\s*[)\]]"
+_UNITS_AT_END = r"(.*?)_((?:mm|cm|m|in|ft)_s2|(?:mm|cm|m|in|ft)_s|gal|g|sec|s|ms|mm|cm|m|in|ft)"
 _SEPARATORS = ",;\t"
 _COMPONENT = (
     r"[nsewudzvhxylr]\d?|[nsewudo]-?[nsewudo]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
     r"trans(?:v(?:erse)?)?|long(?:itudinal)?|rad(?:ial)?|\d{1,3}|[a-z][hn][a-z0-9]|[ns]\d{1,2}[ew]"
 )
 _TIMES = ("t", "time", "times", "s", "sec", "zeit", "temps", "tiempo", "tempo")
-_TIME = re.compile(
+_TIME = (
     r"(?:(?:relative|elapsed|unix|epoch) ?)?"
     r"(?:time ?(?:s|stamps?)?|zeit|temps|tiempo|tempo)|seconds elapsed"
 )
 """Pattern of the name of a time in any column."""
 
-_SPECTRUM = re.compile(
+_SPECTRUM = (
     r"(?:natural |response |oscillator )?(?:periods?|periodes?|periodos?|periodo|"
     r"schwingungsdauer|freq|frequenc(?:y|ies)|frequenz|frequence|frecuencia|frequenza|"
     r"frequencia)(?: .*)?"
 )
 """Pattern of the name of the abscissa of a spectrum."""
 
-_ORDINATE = re.compile(
+_ORDINATE = (
     r"(?:p?s[avd]|ps[avd]|sa[ _]?\(?.*|fas|rotd\d+|(?:pseudo[ -]?)?spectral .*|.* spectrum|"
     r"spectrum|target|geomean)(?: .*)?"
 )
 """Pattern of the name of an ordinate of a spectrum."""
 
-_NO_MOTION = re.compile(
+_NO_MOTION = (
     r"(?:.* )?(?:arias|intensit\w*|cav|fas|fourier|fft|psd|spectr\w*|espectro|spettro|housner|"
     r"husid|pga|pgv|pgd|energy|cumulative|gyro\w*|magnet\w*|latitude|longitude|"
     r"temperature)(?: .*)?|i[ _]?a|p?s[av]|psd|rotd\d+"
 )
 """Pattern of a name that states a quantity other than a ground motion."""
 
-_NO_MOTION_UNITS = re.compile(r"(?:rad|deg|°)(?:/s)?|[uµμ]t|h?pa|°c")
+_NO_MOTION_UNITS = r"(?:rad|deg|°)(?:/s)?|[uµμ]t|h?pa|°c"
 """Pattern of the units of the other sensors of a telephone."""
 
-_RESULTANT = re.compile(
+_RESULTANT = (
     r"(?:.* )?(?:total|resultants?|resultante|risultante|abs(?:olute)?|magnitude|norm|modulus|srss|"
     r"vector|sum|betrag|envelope)(?: .*)?|[|].*[|]"
 )
 """Pattern of a name of the resultant of the components, or of absolute values. It may also name the
 total acceleration of a floor, which has both signs."""
 
-_GENERAL = re.compile(
+_GENERAL = (
     r"(?:y|values?|data|signals?|amplitudes?|records?|motions?|ground motion|series|samples?|"
     r"(?:ch|channel|col|column|sensor|comp|component|[a-z])[ #.-]?\d*)"
 )
@@ -115,7 +113,7 @@ class ColumnName:
     @property
     def may_be_resultant(self) -> bool:
         """True if the column is the resultant of the components if its values have one sign."""
-        return bool(_RESULTANT.fullmatch(_unaccented(self.plain)))
+        return bool(re.fullmatch(_RESULTANT, _unaccented(self.plain)))
 
 
 def split_names(line: str, separator: str) -> list[str]:
@@ -130,7 +128,7 @@ def split_names(line: str, separator: str) -> list[str]:
         return text.lstrip(" ").split(separator) if separator in text else [text]
     if mark := next((mark for mark in ";\t," if mark in text), ""):
         return text.split(mark)
-    return _NAME.findall(text)
+    return re.findall(_NAME, text)
 
 
 def column_names(line: str, separator: str = "") -> tuple[ColumnName, ...]:
@@ -236,9 +234,9 @@ def interpret_names(texts: list[str]) -> tuple[ColumnName, ...]:
         name, units = name_and_units(given)
         text = " ".join(given.strip().strip("\"'").split())
         quantity, component = _quantity_of_name(name)
-        if (index == 0 and len(texts) > 1 and name in _TIMES) or _TIME.fullmatch(name):
+        if (index == 0 and len(texts) > 1 and name in _TIMES) or re.fullmatch(_TIME, name):
             quantity, component = TIME, ""
-        if _NO_MOTION.fullmatch(_unaccented(name)) or _NO_MOTION_UNITS.fullmatch(units):
+        if re.fullmatch(_NO_MOTION, _unaccented(name)) or re.fullmatch(_NO_MOTION_UNITS, units):
             quantity, component = NO_MOTION, ""
         # The unit determines the quantity of a name that is only a component. Any other name with a
         # unit of acceleration is a component. The first column is excluded, because it may be a
@@ -301,16 +299,16 @@ def spectrum_name(names: tuple[ColumnName, ...]) -> str:
     """Return the name of a column that shows that a table contains spectra; empty without
     spectra."""
     for name in names:
-        if _SPECTRUM.fullmatch(_unaccented(name.plain)) or name.units == "hz":
+        if re.fullmatch(_SPECTRUM, _unaccented(name.plain)) or name.units == "hz":
             return name.text
-    has_ordinate = any(_ORDINATE.fullmatch(name.plain) for name in names[1:])
+    has_ordinate = any(re.fullmatch(_ORDINATE, name.plain) for name in names[1:])
     is_period = bool(names) and names[0].plain in ("t", "tn", "f")
     return names[0].text if is_period and has_ordinate else ""
 
 
 def is_general(name: ColumnName) -> bool:
     """Return True if a name without a quantity may belong to a ground motion."""
-    return bool(_GENERAL.fullmatch(name.plain)) and (not name.units or is_unit(name.units))
+    return bool(re.fullmatch(_GENERAL, name.plain)) and (not name.units or is_unit(name.units))
 
 
 def _quantity_of_name(name: str) -> tuple[str, str]:
@@ -333,7 +331,7 @@ def name_and_units(text: str) -> tuple[str, str]:
     `Time (s)` and `time_s` give time and s; `acceleration_m_s2` gives acceleration and m/s^2.
     """
     name = text.strip().strip("\"'").lower()
-    match = _UNITS_IN_BRACKETS.fullmatch(name) or _UNITS_AT_END.fullmatch(name)
+    match = re.fullmatch(_UNITS_IN_BRACKETS, name) or re.fullmatch(_UNITS_AT_END, name)
     name, units = (match[1], match[2]) if match else (name, "")
     return name.replace("_", " ").strip(), re.sub("_s$", "/s", re.sub("_s2$", "/s^2", units))
 

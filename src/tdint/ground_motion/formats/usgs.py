@@ -36,7 +36,7 @@ _QUANTITY = re.compile(
     r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE "
     r"SPECTRA|FOURIER AMPLITUDE)"
 )
-_ROW_OF_INTEGERS = re.compile(r"\s*-*\d+(?:\s+-*\d+){7}\s*")
+_ROW_OF_INTEGERS = r"\s*-*\d+(?:\s+-*\d+){7}\s*"
 _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
 """Units by type of series, for the types that are or may be a ground motion."""
 
@@ -66,7 +66,7 @@ def is_smc(lines: list[str]) -> object:
     """Return True if a file has the header of an SMC file: a type of series in line 1 and eight
     integers in line 12."""
     title, integers = (line.removeprefix(_COMMENT) for line in (lines[0], lines[_TEXTS]))
-    return bool(_QUANTITY.match(title) and _ROW_OF_INTEGERS.fullmatch(integers))
+    return bool(_QUANTITY.match(title) and re.fullmatch(_ROW_OF_INTEGERS, integers))
 
 
 @reader

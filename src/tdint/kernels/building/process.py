@@ -19,7 +19,7 @@ from threading import Event
 from typing import IO, Any, NamedTuple
 
 from tdint.errors import AnalysisError
-from tdint.kernels.building.compilable import Compilable
+from tdint.kernels.building.compilable import ANY, Compilable
 from tdint.kernels.building.sources import closure, size
 from tdint.kernels.building.target import Target, named, native
 from tdint.system import processors, unnamed_file
@@ -27,7 +27,7 @@ from tdint.system import processors, unnamed_file
 _POSITION = re.compile(r'(?:File "| at )(?:[^"]*[/\\])?([^"/\\]+\.py)(?:", line |\s\()(\d+)')
 """Position in a source file, as in the messages of Python and numba."""
 
-_MISSING = re.compile(r"name '(\w+)'")
+_MISSING = r"name '(\w+)'"
 """Undefined name in a message of Python or numba, as in "name 'x' is not defined"."""
 
 
@@ -54,19 +54,23 @@ class Compilation:
     def settings(self) -> dict[str, str]:
         """Environment variables of the process that compiles the kernel.
 
-        Kernels with equal settings can be compiled by the same process.
+        A kernel with only one form does not depend on the form.
         """
         # The first target represents all targets. `compilations` combines targets only if they have
         # the same `optimized_for`, or if the kernel is not vectorized, so that the optimization
         # does not depend on the processor.
         cpu, features = next(iter(self.targets.values())).optimized_for
-        return {
-            "TDINT_KERNELS_FORM": self.form,
+        form = {} if self.form == ANY else {"TDINT_KERNELS_FORM": self.form}
+        return form | {
             "TDINT_KERNELS_TARGETS": ",".join(self.targets),
             "NUMBA_CPU_NAME": cpu,
             "NUMBA_CPU_FEATURES": features,
             "NUMBA_LOOP_VECTORIZE": str(int(self.kernel.vectorized)),
         }
+
+    def fits(self, settings: Mapping[str, str]) -> bool:
+        """Return True if a process with these environment variables can compile the kernel."""
+        return self.settings.items() <= settings.items()
 
     @property
     def request(self) -> tuple[str, str, str | None]:
@@ -118,7 +122,7 @@ class Compilation:
         files = [Path(external)] if external else []
         files += [file for file in closure(self.kernel.name).values() if file not in files]
         # Case 1
-        if undefined := _MISSING.search(message):
+        if undefined := re.search(_MISSING, message):
             position = next(
                 (f"{file}:{line}" for file in files if (line := _line_of(undefined[1], file))), ""
             )
@@ -249,15 +253,15 @@ def _compile_waiting(work: _Work) -> None:
 
 
 def _next(work: _Work, settings: Mapping[str, str] | None = None) -> Compilation | None:
-    """Remove and return the first waiting compilation, with equal settings if any are given; None
-    if there is none, or if no compilation may start.
+    """Remove and return the first waiting compilation, for a process with the settings if any are
+    given; None if there is none, or if no compilation may start.
 
-    Without settings, those that no process has are first: two processes with the same settings
-    would both compile the code that kernels share.
+    Without settings, those that no process can compile are first: two processes with the same
+    settings would both compile the code that kernels share.
     """
     waiting = [] if work.stopped.is_set() else [*work.waiting]
-    for compilation in sorted(waiting, key=lambda item: item.settings in work.started):
-        if settings in (None, compilation.settings):
+    for compilation in sorted(waiting, key=lambda item: any(map(item.fits, work.started))):
+        if settings is None or compilation.fits(settings):
             with suppress(ValueError):  # another thread has taken it
                 work.waiting.remove(compilation)
                 work.started.append(compilation.settings)

@@ -76,12 +76,15 @@ def size(name: str) -> int:
 def digest_of_all() -> str:
     """Return the hash of the sources of all kernels and methods, as 12 hexadecimal digits.
 
-    It identifies the code of results that depend on several kernels. The result is cached.
+    It identifies the code of results that depend on several kernels. Modules of `building` count if
+    object files depend on them. The result is cached.
     """
     hash_value = hashlib.sha256()
     for folder in ("kernels", "methods"):
         for file in sorted((_PACKAGE / folder).rglob("*.py")):
             name = file.relative_to(_PACKAGE).as_posix()
+            if file.parent.name == "building" and f"{_BUILDING}{file.stem}" not in _COMPILING:
+                continue
             hash_value.update(name.encode() + b"\0" + _read(file)[0])
     return hash_value.hexdigest()[:12]
 

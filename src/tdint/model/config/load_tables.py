@@ -27,7 +27,7 @@ _NEEDS = (
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0}
 """Factors to s of the units in the name of the column of times; s without a unit."""
 
-_TIME_COLUMN = re.compile(rf"(?:time|t)(?:(?:_| ?[(\[])({'|'.join(_TIMES)})[)\]]?)?")
+_TIME_COLUMN = rf"(?:time|t)(?:(?:_| ?[(\[])({'|'.join(_TIMES)})[)\]]?)?"
 """Name of the column of times in lower case: `time`, `t_ms`, `time (s)` or `t[s]`."""
 
 _OTHER_UNITS = {*LENGTH, *MASS, *VELOCITY, *ACCELERATION} - {"t"}
@@ -36,7 +36,7 @@ _OTHER_UNITS = {*LENGTH, *MASS, *VELOCITY, *ACCELERATION} - {"t"}
 _UNIT_ENDING = re.compile(r".*(?:_|\s)([^\W_]+)|.*\(\s*([^\W_]+)\s*\)|.*\[\s*([^\W_]+)\s*\]")
 """Unit at the end of the name of a column: `roof_kN`, `roof kN`, `roof (kN)` or `roof [kN]`."""
 
-_NAME_AND_FACTOR = re.compile(r"\s*(\S+?)\s*(?:\*\s*|\s)(\S.*?)\s*")
+_NAME_AND_FACTOR = r"\s*(\S+?)\s*(?:\*\s*|\s)(\S.*?)\s*"
 """Factor and name of a column: `0.6 roof_kN` or `0.6 * roof_kN`."""
 
 
@@ -261,7 +261,7 @@ def _read_file(path: str, wanted: Sequence[_Request], unit: float | str) -> list
 
 def _time_column(table: CsvTable) -> tuple[str, float]:
     """Return the name of the column of times in lower case, and the factor of its unit to s."""
-    matches = [match for name in table.header if (match := _TIME_COLUMN.fullmatch(name))]
+    matches = [match for name in table.header if (match := re.fullmatch(_TIME_COLUMN, name))]
     if len(matches) != 1:
         # Without a column of times, the file can be of another type. Its text is not repeated.
         names = ", ".join(match[0] for match in matches)
@@ -296,7 +296,7 @@ def _column_and_factor(
         )
         return None
     name, factor = item.column.strip(), 1.0
-    if name.lower() not in others and (match := _NAME_AND_FACTOR.fullmatch(item.column)):
+    if name.lower() not in others and (match := re.fullmatch(_NAME_AND_FACTOR, item.column)):
         number = number_or_nan(match[1])
         if number == number:  # not nan
             name, factor = match[2], number

@@ -158,7 +158,7 @@ _CONTROLS = ("Cc", "Cs", "Zl", "Zp")
 """Unicode categories of control characters and of line ends, which a text of YAML cannot contain
 on one line."""
 
-_PLAIN = re.compile(r"[A-Za-z/.][\w/.^-]*")
+_PLAIN = r"[A-Za-z/.][\w/.^-]*"
 _WORDS = frozenset(("true", "false", "yes", "no", "on", "off", "null", "nan", "inf"))
 """Texts that YAML reads as other values, so that they need quotation marks."""
 
@@ -180,5 +180,5 @@ def _scalar(value: Any) -> str:
     if isinstance(value, int | float) or str(value).isdecimal():
         return str(value)
     text = str(value)
-    is_plain = _PLAIN.fullmatch(text) and text.lower() not in _WORDS
+    is_plain = re.fullmatch(_PLAIN, text) and text.lower() not in _WORDS
     return text if is_plain else json.dumps(text, ensure_ascii=False)

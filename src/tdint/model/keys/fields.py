@@ -312,7 +312,7 @@ Parsed = TypeVar("Parsed")
 
 NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 """Text of a number in a model file."""
-_WHOLE_NUMBER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
+_WHOLE_NUMBER = r"[+-]?(?:0|[1-9][0-9]{0,17})"
 _NUMBER_HINTS = (
     (r"[+-]?0[0-9][0-9.eE+-]*", "; drop the leading zeros"),
     (r"[0-9.eE+-]*[0-9]_[0-9_.eE+-]*", "; drop the underscores"),
@@ -426,7 +426,7 @@ class Value(NamedTuple):
     def integer(self, bounds: Integer) -> int | None:
         """Return the whole number; None after reporting an error."""
         text, low, high = self._plain_text(), bounds.low, bounds.high
-        if _WHOLE_NUMBER.fullmatch(text) and low <= int(text) <= high:
+        if re.fullmatch(_WHOLE_NUMBER, text) and low <= int(text) <= high:
             return int(text)
         limits = f"{low}" if low == high else f"a whole number from {low} to {high}"
         self.fault(

@@ -239,11 +239,11 @@ class ShownFigure(Figure):
         return stream.getvalue()
 
 
-_FORMULA = re.compile(r"\$\\(?:theta|beta(?:_\{\w+\})?|pm\\sigma)\$")
+_FORMULA = r"\$\\(?:theta|beta(?:_\{\w+\})?|pm\\sigma)\$"
 """Formulas in the texts of figures. Any other dollar sign is part of a name."""
 
 
-_MINUS = re.compile(r"(?<![^\s(=])-(?=\d)")
+_MINUS = r"(?<![^\s(=])-(?=\d)"
 """Hyphen of a negative number."""
 
 
@@ -253,9 +253,9 @@ def _show_names_as_written(figure: Figure) -> None:
     labels = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
     for text in figure.findobj(Text):
         content = text.get_text()
-        if "$" in _FORMULA.sub("", content) and text not in labels:
+        if "$" in re.sub(_FORMULA, "", content) and text not in labels:
             text.set_parse_math(False)
-        text.set_text(write_out_controls(_MINUS.sub("\N{MINUS SIGN}", content), keep="\n"))
+        text.set_text(write_out_controls(re.sub(_MINUS, "\N{MINUS SIGN}", content), keep="\n"))
 
 
 def _save(figure: Figure, stream: BinaryIO, printed: PrintedAs, dpi: int, **saved: Any) -> None:

@@ -129,7 +129,7 @@ _SITE_COLUMNS = {
 
 _ROWS_AT_ONCE = 2048  # number of runs formatted together, which needs some MB
 
-_NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?")
+_NUMBER = r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 """Numbers as in JSON; for example, 02138 is text."""
 
 
@@ -433,7 +433,7 @@ def numeric(store: Store) -> list[bool]:
     for number in store.buildings():
         for column_answers, text in zip(answers, store.copied_cells(number), strict=False):
             if text:
-                column_answers.add(_NUMBER.fullmatch(text) is not None)
+                column_answers.add(re.fullmatch(_NUMBER, text) is not None)
     return [column_answers == {True} for column_answers in answers]
 
 

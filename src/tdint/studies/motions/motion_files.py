@@ -24,7 +24,7 @@ from tdint.output.tables.spectra import ground_table
 
 _STATION = 5  # characters of a station code in MiniSEED
 _CHANNEL = 3  # characters of a channel code in MiniSEED
-_OTHER_INSTRUMENT = re.compile(r"([A-Z])[HLGMPD]([ENZ123])")
+_OTHER_INSTRUMENT = r"([A-Z])[HLGMPD]([ENZ123])"
 """Channel codes that MiniSEED readers would not take for an accelerometer's."""
 
 _PAIR_COMPONENTS = ("H1", "H2")
@@ -224,7 +224,7 @@ def _channels(names: Sequence[str]) -> list[str]:
             code = f"{round(direction) % 360:03d}"
         # The second letter of a code is the type of the instrument. It is replaced by N, the letter
         # of accelerometers, because the file contains accelerations.
-        code = _OTHER_INSTRUMENT.sub(r"\1N\2", code)
+        code = re.sub(_OTHER_INSTRUMENT, r"\1N\2", code)
         is_valid = len(code) <= _CHANNEL and code.isalnum() and code.isascii()
         codes.append(code if is_valid else "")
     if len(codes) == 1:

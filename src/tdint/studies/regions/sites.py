@@ -61,7 +61,7 @@ from tdint.units import STANDARD_GRAVITY, parse_units
 
 _EVENT_NAMES, _SITE_NAMES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
 _LONGITUDE_NAMES, _LATITUDE_NAMES = ("longitude", "lon"), ("latitude", "lat")
-_GMV = re.compile(r"gmv_(pga|pgv|sa\((?P<period>[0-9]*\.?[0-9]+)\))")
+_GMV = r"gmv_(pga|pgv|sa\((?P<period>[0-9]*\.?[0-9]+)\))"
 """Column with an intensity (ground motion value) in a table of OpenQuake."""
 
 _CENTIMETER = 0.01
@@ -489,7 +489,7 @@ def _field_values(table: csv_table.CsvTable) -> tuple[str, float, IntensityMeasu
     # If the table has a column of factors, OpenQuake's columns of intensities are not used.
     if table.has("factor") or not columns:
         return "factor" if table.has("factor") else "", 1.0, None
-    match = _GMV.fullmatch(columns[0])
+    match = re.fullmatch(_GMV, columns[0])
     if len(columns) > 1 or match is None:
         raise ModelError(
             f"{table.source}:{table.header_line}: the table has the columns {', '.join(columns)}; "
