@@ -9,7 +9,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.linear_terms import power_damper
 from tdint.kernels.peaks_between_steps import is_near_rest
 from tdint.kernels.stepping import Memory, Seen, Span
-from tdint.kernels.stories import path
+from tdint.kernels.stories import brace, path
 from tdint.kernels.stories.dashpot_path import follow_dashpot
 from tdint.kernels.time_loop.observer import _observe_dashpots
 
@@ -176,3 +176,15 @@ def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
         assert raised_to == max((1.0 + 1e-9) * points[n - 1], abs((difference @ v[1])[n - 1]))
     assert decided == 30
     assert searched == 240 - decided // 2
+
+
+def test_a_sum_of_forces_is_largest_at_any_instant_of_a_step():
+    """The spring is stiff and the damper weak, so that the sum is largest where the drift rate,
+    linear in time, is zero: also close to the end of the step."""
+    terms = np.zeros((rows.LINEAR_TERM_ROWS, 2))
+    terms[[rows.BRACE, rows.BRACED_DAMPER, rows.BRACED_RELIEF], 1] = [1e3, 1e-3, 1e3]
+    for part in range(brace._INSTANTS // 2 + 1, brace._INSTANTS):
+        zero = part / brace._INSTANTS
+        ends = (0.0, zero, H * (zero - 0.5), zero - 1.0)
+        found = brace.instant_of_largest_sum(terms, 1, H, ends, 0.0, (0.0, 1e4))
+        assert found == pytest.approx(zero, rel=1e-12)
