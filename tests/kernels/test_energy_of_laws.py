@@ -10,6 +10,7 @@ the total work remains positive. Concave laws: their work from a position of res
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 import tdint
 from tdint.errors import ModelError
@@ -180,3 +181,23 @@ def test_work_from_rest_of_concave_laws(name):
         work = np.cumsum(np.r_[0.0, 0.5 * (forces[1:] + forces[:-1]) * np.diff(distance)])
         least = 0.5 * np.maximum.accumulate(forces) * distance
         assert np.all(work >= least - 0.01 * STRENGTH * YIELD)
+
+
+def test_a_failed_bouc_wen_law_has_dissipated_all_work():
+    """The amplitude decreases with the work until the force falls to zero. The work is the integral
+    of the force until then, by the trapezoidal rule."""
+    law = {
+        "type": "bouc-wen",
+        "yield_force": STRENGTH,
+        "hardening": 0.2,
+        "exponent": 2.0,
+        "beta": 0.5,
+    }
+    law["degradation"] = {"amplitude": 0.1 * RATE, "strength": 0.0, "stiffness": 0.0}
+    story = {"mass": 1e5, "stiffness": STIFFNESS, "law": law}
+    path = np.linspace(0.0, 40.0 * YIELD, 20_001)
+    result = follow_path(assemble(tdint.load_model({"stories": [story]})), 1, path)
+    last = np.flatnonzero(result.shear)[-1]
+    assert 1000 < last < path.size - 1000
+    work = trapezoid(result.shear[: last + 1], path[: last + 1])
+    assert result.hysteretic_energy[-1] == pytest.approx(work, rel=1e-3)

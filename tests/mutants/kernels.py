@@ -97,6 +97,8 @@ COMPILED = [
     "tests/methods/test_long_steps.py",
     "tests/methods/test_softening_and_pinching_buildings.py",
     "tests/methods/test_every_method.py",
+    "tests/methods/test_tangent_damping.py",
+    "tests/kernels/test_energy_of_laws.py",
     "tests/response/spectra",
 ]
 SECONDS = 1800.0
