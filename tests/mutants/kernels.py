@@ -99,6 +99,10 @@ COMPILED = [
     "tests/methods/test_every_method.py",
     "tests/methods/test_tangent_damping.py",
     "tests/kernels/test_energy_of_laws.py",
+    "tests/kernels/test_multilinear.py",
+    "tests/kernels/test_rest.py",
+    "tests/response/runs/test_contact.py",
+    "tests/response/runs/test_inertance_with_laws.py",
     "tests/response/spectra",
 ]
 SECONDS = 1800.0
