@@ -122,6 +122,12 @@ BY_HAND = [
         [1.01, 0.505, 0, -0.5, -1],
         [1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1],
     ),
+    # The same with a reloading drift beyond the axis, at 0.05 of the drift.
+    (
+        (0.05, 0.25, 0.05),
+        [1.01, 0.48, -0.05, -0.525, -1],
+        [1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1],
+    ),
     # The unloading force 0.2 F3 = 0.4 is larger than the reloading force, 0.3 of the yield force.
     # Both are replaced by their mean minus or plus a hundredth, each on its own line.
     ((0.5, 0.3, 0.2), [3, 0.6535, -0.3535, -1], [2, -0.3465, -0.3535, -1]),
@@ -138,7 +144,7 @@ BY_HAND = [
 @pytest.mark.parametrize(
     ("pinching", "drifts", "shears"),
     BY_HAND,
-    ids=["loop", "no drift pinching", "mean force", "small reversals"],
+    ids=["loop", "no drift pinching", "little drift pinching", "mean force", "small reversals"],
 )
 def test_loops_agree_with_hand_calculation(pinching, drifts, shears):
     """The backbone curve has the points (1, 1) and (3, 2), and is then flat."""
