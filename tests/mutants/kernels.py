@@ -102,6 +102,7 @@ COMPILED = [
     "tests/kernels/test_multilinear.py",
     "tests/kernels/test_rest.py",
     "tests/response/runs/test_contact.py",
+    "tests/response/runs/test_error_estimate.py",
     "tests/response/runs/test_inertance_with_laws.py",
     "tests/response/spectra",
 ]
