@@ -103,7 +103,7 @@ _REGULAR = 0.9
 regular, and single lines cannot be named as the error."""
 
 _INTEGER = re.compile(r"\+?\d+")
-_WITHOUT_POINT = r"[-+]?0*[1-9]\d*(?:[EeDd][-+]?\d+)?"
+_WITHOUT_POINT = re.compile(r"[-+]?0*[1-9]\d*(?:[EeDd][-+]?\d+)?")
 """Pattern of a number without a decimal point, except zero."""
 _ENDS_WITH_ZERO = re.compile(r"\.0\b")
 
@@ -561,7 +561,7 @@ def _check_decimal_points(block: NumberBlock, numbers: Numbers, skipped: int) ->
         return
     for row, number in zip(rows, block.line_numbers, strict=True):
         for word in row:
-            if re.fullmatch(_WITHOUT_POINT, word):
+            if _WITHOUT_POINT.fullmatch(word):
                 raise RecordError(
                     f"line {number}: {word[:40]} has no decimal point, but all other numbers have "
                     "the same number of decimals; correct it"

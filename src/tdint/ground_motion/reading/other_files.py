@@ -135,14 +135,14 @@ def has_few_numbers(data: bytes) -> bool:
     text = re.sub(
         _JSON_PAIR, lambda pair: pair[0] if keys[pair[1]] >= _FEW_NUMBERS // 2 else " ", text
     )
+    # Each word of the file is tested; `re` would look up the pattern each time.
+    is_number = re.compile(_NUMBER_WORD).fullmatch
     found, forms = 0, Counter[tuple[bool, ...]]()
     for line in text.splitlines():
-        cells = [
-            bool(re.fullmatch(_NUMBER_WORD, cell.strip(" \"'"))) for cell in re.split(_CELLS, line)
-        ]
+        cells = [bool(is_number(cell.strip(" \"'"))) for cell in re.split(_CELLS, line)]
         forms[tuple(cells)] += len(cells) >= _MIN_METADATA
         words = [word for word in re.split(_MARKS, line) if word]
-        are_numbers = [bool(re.fullmatch(_NUMBER_WORD, word)) for word in words]
+        are_numbers = [bool(is_number(word)) for word in words]
         count = sum(are_numbers)
         if 2 * count >= len(words) and (count > 1 or are_numbers[:1] == [True]):
             found += count

@@ -264,7 +264,7 @@ def _next(work: _Work, settings: Mapping[str, str] | None = None) -> Compilation
         if settings is None or compilation.fits(settings):
             with suppress(ValueError):  # another thread has taken it
                 work.waiting.remove(compilation)
-                work.started.append(compilation.settings)
+                work.started.append(settings or compilation.settings)
                 return compilation
     return None
 
