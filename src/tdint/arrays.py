@@ -1,11 +1,11 @@
-"""Type of arrays, maxima, bisection, and properties that are computed once."""
+"""Type of arrays, classes with arrays, maxima, bisection, and properties that are computed once."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, dataclass_transform
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,19 @@ class HasArray(Protocol):
 
 Numbers: TypeAlias = Sequence[float] | HasArray
 """Argument that accepts several numbers: a list, a tuple or a one-dimensional array."""
+
+
+_Class = TypeVar("_Class")
+
+
+@dataclass_transform(frozen_default=True, eq_default=False)
+def immutable(cls: type[_Class]) -> type[_Class]:
+    """Return a class with arrays as a data class whose objects cannot be changed.
+
+    Two objects are equal only if they are the same object, because arrays have no single truth
+    value. The class or its base class defines how an object is shown.
+    """
+    return dataclass(frozen=True, eq=False, repr=False)(cls)
 
 
 def max_absolute(values: Array) -> float:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, Self
 
 import numpy as np
 
+from tdint.arrays import immutable
 from tdint.errors import UsageError
 from tdint.ground_motion.processing_steps import MOST_SAMPLES
 from tdint.ground_motion.record import Record
@@ -121,7 +122,7 @@ def join_records(records: Sequence[Record], starts: Sequence[int]) -> Record:
     )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class JoinedRecord(Record):
     """Ground motions of a main shock and its aftershocks, which an analysis applies in order.
 

@@ -8,13 +8,13 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, max_absolute
+from tdint.arrays import Array, immutable, max_absolute
 from tdint.errors import OutputError, RecordError
 from tdint.ground_motion.origin import MotionOrigin
 from tdint.number_parsing import pluralize
@@ -97,7 +97,7 @@ def velocity_warnings(record: Record) -> tuple[str, ...]:
     )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Record(Tabular):
     """One component of a ground motion.
 

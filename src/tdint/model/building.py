@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, cached_property, immutable
 from tdint.errors import ModelError
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import FULL, PLAIN, Variant
@@ -53,7 +53,7 @@ _BEYOND_YIELD = 1.1  # drift, in yield drifts, of the measurement of an undeclar
 _SMALL_ORDINATE = 1e-9  # added to the ordinates of a mode with maximum 1, to avoid zeros
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Building:
     """A chain of n stories, or n independent oscillators, as arrays.
 

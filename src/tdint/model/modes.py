@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, cached_property, immutable
 from tdint.errors import ModelError
 from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
@@ -26,7 +25,7 @@ _MAX_STORIES_OF_ALL_MODES = 100
 _MAX_ITERATIONS, _RELATIVE_CHANGE = 200, 1e-15
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Modes(Tabular):
     """Modes by increasing frequency.
 
@@ -314,7 +313,7 @@ def chain_deformations(link: Array) -> Array:
     return np.asarray(np.eye(link.size) - np.diag(link[1:], -1))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class FreeVibration:
     """Undamped vibration of a chain, computed at the first request and cached.
 

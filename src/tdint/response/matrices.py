@@ -11,12 +11,11 @@ dampers (coefficient c) in series with a brace (stiffness k). The rows of B give
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.errors import ModelError
 from tdint.kernels import layout as rows
 from tdint.model.building import Building, assemble
@@ -48,7 +47,7 @@ class StateSpace(NamedTuple):
     d: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class SystemMatrices(Described):
     """Matrices of a building with its initial stiffness, in SI units.
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.assessment.stability.stability import critical_step, false_limit, for_methods, stability
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
@@ -63,7 +63,7 @@ _ROUNDING = 3e-12  # error relative to the maximum motion, below which it is a r
 _COMPARED_STEPS = (40, 90, 130, 170, 200)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class ObservedOrder(Tabular):
     """Errors for a sequence of time steps, and the observed orders.
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import Concatenate, ParamSpec, Protocol, TypeVar, overload
@@ -14,7 +14,7 @@ from typing import Concatenate, ParamSpec, Protocol, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, Numbers, bisect_interval, max_absolute
+from tdint.arrays import Array, Numbers, bisect_interval, immutable, max_absolute
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -69,7 +69,7 @@ def for_methods(
     return map_over_first(function)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class StabilityCurve(Tabular):
     """Properties of one time step of an undriven oscillator; arrays of shape (k,).
 
@@ -346,7 +346,7 @@ nonlinear motion overshoots.
 """
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Overshoot(Tabular):
     """First steps from one initial condition; arrays of shape (steps + 1,) including the start.
 

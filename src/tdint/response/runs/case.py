@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, cached_property, immutable
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.axes import components_of
 from tdint.ground_motion.measures import baseline_notes, cut_off
@@ -114,7 +114,7 @@ returned from its peak.
 _REMEDY = "use a smaller step or another method"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Case(Described):
     """Building, ground motion and method of a run, without its time steps.
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.response.runs.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks, StoryValues
 from tdint.units import Quantity, quantities
 
@@ -113,7 +113,7 @@ class Demand(Quantity):
 MaximumT = TypeVar("MaximumT")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Demands(Generic[MaximumT]):
     """Demands of a run (`Largest`) or of many runs (`LargestOfRuns`), SI units."""
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.model.building import element_yield_drifts
 from tdint.model.definition import Model
 from tdint.number_parsing import pluralize
@@ -32,7 +32,7 @@ ELEMENT_QUANTITIES = quantities(ElementValues)
 """Quantities of an element that have an error estimate."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class ElementPeaks(WithTable, ElementValues):
     """Results of the elements of stories with several elements, one value per element.
 

@@ -5,6 +5,7 @@ from functools import reduce
 from operator import add
 from typing import Annotated, Generic, TypeVar
 
+from tdint.arrays import immutable
 from tdint.tabular import Described
 
 Amount = TypeVar("Amount")
@@ -13,7 +14,7 @@ ENERGY_ROUNDING = 1e-12
 """Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class EnergyTerms(Described, Generic[Amount]):
     """Energy terms, J: one field per row of `tdint.kernels.time_loop.observer`, in its order."""
 

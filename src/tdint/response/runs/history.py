@@ -1,14 +1,14 @@
 """Response histories: their values at each time step, and their estimated errors."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import reduce
 from operator import sub
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from tdint.arrays import Array, each_array, join_arrays
+from tdint.arrays import Array, each_array, immutable, join_arrays
 from tdint.kernels import layout as rows
 from tdint.methods.workspace import Workspace
 from tdint.model.building import Building
@@ -33,7 +33,7 @@ Its arguments are the building, the forces on its floors, the times of the rows 
 """
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class ErrorHistory(Described):
     """Estimated error at all time steps, true minus computed value, shape (steps + 1, n).
 
@@ -50,7 +50,7 @@ class ErrorHistory(Described):
     shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class DeviceHistory(Described):
     """Response histories of attachments and then links, shape (steps + 1, devices), SI units.
 
@@ -68,7 +68,7 @@ class DeviceHistory(Described):
     damper_force: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class EnergyHistory(EnergyTerms[Array]):
     """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
 
@@ -78,7 +78,7 @@ class EnergyHistory(EnergyTerms[Array]):
     error: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class History(WithTable):
     """Response history at all time steps.
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from tdint.arrays import immutable
 from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model, TableForce
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class LoadCase(Record):
     """Forces on floors, which an analysis applies with the ground at rest.
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, each_array
+from tdint.arrays import Array, each_array, immutable
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.fractiles import fractiles
 from tdint.ground_motion.record import Record
@@ -44,7 +44,7 @@ SCALE = "record.scale"
 """Name in `vary` that is not a parameter of the building: factor on the ground motion."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Runs(Tabular):
     """Results of many runs. The first axis of the arrays is the run.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, Numbers, each_array
+from tdint.arrays import Array, Numbers, each_array, immutable
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
 from tdint.model.status import NO_RESULT
@@ -35,7 +35,7 @@ def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
     return lambda building, peaks, end: peaks[..., row, :]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class StoryValues(Described):
     """One value of each quantity for each story, or for the floor above it.
 
@@ -150,7 +150,7 @@ def story_values(building: "Building", peaks: Array, end: Array) -> dict[str, Ar
     }
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class StoryPeaks(WithTable, StoryValues):
     """Peaks of a run.
 
@@ -226,7 +226,7 @@ class StoryErrors(StoryValues):
         return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, drifts {largest:.2g} m"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Gradient(Tabular, StoryValues):
     """Derivatives of the peaks of a run.
 
@@ -310,7 +310,7 @@ class StepChoice(NamedTuple):
     solves_at_record: int | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class ErrorEstimate(Described):
     """Error estimate of a run from one additional run (`tdint.response.runs.error_estimate`).
 
@@ -384,7 +384,7 @@ class ErrorEstimate(Described):
         return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class DevicePeaks(WithTable):
     """Peaks of the attachments and then the links of a building.
 
@@ -510,7 +510,7 @@ class EventResponse:
     errors: StoryErrors | None = None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Resultant(Described):
     """Peaks over time of the resultant of a quantity, arrays over the stories or floors, SI units.
 
@@ -546,7 +546,7 @@ class Resultant(Described):
         return np.maximum(self.x + 0.3 * self.y, 0.3 * self.x + self.y)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Resultants(Described):
     """Resultants of each floor (displacement, absolute acceleration) and story (drift, shear).
 
@@ -564,7 +564,7 @@ class Resultants(Described):
         return f"largest drift {value:.4g} m in story {largest + 1}, {direction:.4g} degrees from x"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Response(Tabular):
     """Result of a run.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint import system
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, cached_property, immutable
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant, bind
@@ -321,7 +321,7 @@ def _reset_peaks(integrator: Integrator, space: Workspace, row: int | slice) -> 
         space.scratch[first : first + 2 * rows.PEAK_ROWS][row] = 0.0
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class PreparedBuilding:
     """A building as arrays, the forces on its floors and its state at t = 0.
 

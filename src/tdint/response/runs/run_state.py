@@ -7,12 +7,12 @@ copies of these arrays, with the same number of completed steps, equals an unint
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.arrays import Array, Numbers, cached_property
+from tdint.arrays import Array, Numbers, cached_property, immutable
 from tdint.errors import UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.stepping import Scene, Span
@@ -67,7 +67,7 @@ def restore(space: Workspace, saved: Workspace) -> None:
         getattr(space, name)[...] = getattr(saved, name)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class RunState(Described):
     """State of a building between two steps of a time integration: `Response.final_state`,
     `Stepper.state`.

@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, Numbers
+from tdint.arrays import Array, Numbers, immutable
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
@@ -87,7 +87,7 @@ class HeightPeriod:
         return height
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class DriftSpectrum(elastic.RecordSpectrum):
     """Drift spectrum of one record for a single damping ratio; arrays of shape (k,).
 

@@ -2,12 +2,11 @@
 (1998)."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.response.arguments import AnyRecord, record_of
@@ -27,7 +26,7 @@ _MAX_FREQUENCIES = 300
 the distance to half the weight for b = 40."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class FourierSpectrum(Tabular):
     """Amplitudes of the Fourier transform of a ground acceleration.
 

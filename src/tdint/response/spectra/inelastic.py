@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tdint.arrays import Array, Numbers, cached_property
+from tdint.arrays import Array, Numbers, cached_property, immutable
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
@@ -46,7 +46,7 @@ _MAXIMUM_TOLERANCE = 1e-4  # tolerance of the strength at this maximum, relative
 _DUCTILITY_TOLERANCE = 1e-9  # tolerance of ln(ductility / target) of the result
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class InelasticSpectrum(RecordSpectrum):
     """Response of bilinear oscillators to a single record, for a single damping ratio and a single
     ductility or strength; arrays of shape (k,).

@@ -11,11 +11,11 @@ building are included, so no mass is missing.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
 from tdint.model.building import assemble
@@ -29,7 +29,7 @@ _DEFAULT_DAMPING = 0.05
 ratio; design spectra usually apply to 5 %."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class ModalResponse(Tabular):
     """Peak responses of a linear building for a design spectrum; arrays over the stories have the
     shape (n,).

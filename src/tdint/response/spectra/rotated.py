@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from tdint.arrays import Array, Numbers
+from tdint.arrays import Array, Numbers, immutable
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.kernels.oscillators import rotated as rotation
@@ -18,7 +18,7 @@ from tdint.response.spectra import elastic
 from tdint.tabular import Tabular
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class RotatedSpectrum(Tabular):
     """Pseudo-acceleration spectra of two horizontal components over all directions, for a single
     damping ratio.

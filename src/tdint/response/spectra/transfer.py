@@ -13,12 +13,11 @@ without equivalent damping ratios. For a ground displacement g, f = (K + i w C +
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, cached_property, immutable
 from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import tridiagonal
@@ -57,7 +56,7 @@ class Resonance(NamedTuple):
     amplitude: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class TransferFunction(Tabular):
     """Complex response of each floor to a harmonic ground acceleration or floor force.
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdint.arrays import Array, bisect_interval
+from tdint.arrays import Array, bisect_interval, immutable
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
 from tdint.model.building import (
@@ -94,7 +94,7 @@ class ElementEvent:
     stiffness_after: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Pushover(Tabular):
     """Result of a pushover; row 0 is the initial state at rest.
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.arrays import Array, bisect_interval
+from tdint.arrays import Array, bisect_interval, immutable
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import Building, assemble
 from tdint.response.spectra.target import TargetSpectrum, read_target
@@ -53,7 +53,7 @@ _ROUNDING = 1e-9
 _MAX_BISECTIONS = 100  # more than the number of binary digits of a floating-point number
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class TargetDisplacement(Tabular):
     """Target displacement of a building under a design spectrum, by a single method.
 

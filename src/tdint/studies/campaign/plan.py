@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import accumulate
 from threading import Lock
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, cached_property, immutable
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
@@ -69,7 +69,7 @@ _MIN_CHUNK_TIME, _MAX_CHUNK_TIME = 0.002, 2.0
 that all processors are used."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Plan:
     """Campaign with all input in memory.
 

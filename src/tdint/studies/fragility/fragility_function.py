@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, ndtr, ndtri, stdtrit
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.errors import AnalysisError, UsageError
 from tdint.fractiles import RELIABLE
 from tdint.number_parsing import abbreviate, pluralize
@@ -328,7 +328,7 @@ class Risk:
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Fragility(Described):
     """Fragility function: the probability of exceedance is Phi(ln(im / theta) / beta), except for a
     cloud with collapses (`CollapseCloud`).

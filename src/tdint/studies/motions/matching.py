@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, immutable
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
 from tdint.ground_motion.origin import MotionOrigin, change_text
@@ -63,7 +63,7 @@ _MEAN_WEIGHT = 4.0
 maximum misfit has the weight 1, because it is about four times as large as the mean misfit."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Match(Tabular):
     """Ground motion with a spectrum that was matched to a target.
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
-from tdint.arrays import Array, Numbers
+from tdint.arrays import Array, Numbers, immutable
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
@@ -61,7 +61,7 @@ MAXIMUM_DIRECTION = "rotd100"
 """Spectrum of a pair that ASCE 7 prescribes: maximum over all horizontal directions."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@immutable
 class Scaling(Tabular):
     """Scale factors of a suite.
 
