@@ -28,6 +28,7 @@ from tdint.kernels.laws.compiled import CompiledLaw, compiled_laws
 from tdint.kernels.stories import law_state
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import catalogue, parse
+from tdint.response.runs import prepared
 from tdint.response.runs.analysis_kernels import run_interpreted
 from tdint.response.runs.prepared import PreparedBuilding
 
@@ -38,7 +39,7 @@ import tdint
 from tdint.response.runs.analysis_kernels import run_interpreted
 for file, method in json.loads(sys.argv[1]):
     case = tdint.prepare(file, method=method, allow_unstable=True)
-    assert run_interpreted(case.prepared, [case.method])
+    assert run_interpreted(case.prepared, [case.method], True)
     response = tdint.run_case(case, duration=0.5, check=False)
     print(json.dumps([response.stories.peak_drift.tolist(), response.stories.peak_absolute_acceleration.tolist()]))
 """  # noqa: E501
@@ -131,7 +132,7 @@ model = {"stories": [{"mass": 1e5, "elements": [frame, rod]}], "damping": 0.05}
 record = tdint.make_record(6.0 * np.sin(4.0 * 0.01 * np.arange(101)), dt=0.01, units="m/s^2")
 def drift(method):
     return tdint.run(model, record, method=method, check=False).stories.peak_drift[0]
-assert run_interpreted(PreparedBuilding.of(tdint.load_model(model)), [parse("impulse4")])
+assert run_interpreted(PreparedBuilding.of(tdint.load_model(model)), [parse("impulse4")], True)
 first = drift("impulse4")
 os.environ.update(TDINT_CACHE_DIR=sys.argv[1], TDINT_COMPILE="wait")
 print(first, drift("newmark-average"), *sorted(INSTALLED))
@@ -194,8 +195,8 @@ def background_processes(tmp_path, monkeypatch):
 
 
 def begun(model="ten-story", method="impulse4"):
-    prepared = PreparedBuilding.of(tdint.load_model(CONFIGS / f"{model}.yaml"))
-    return run_interpreted(prepared, [parse(method)])
+    building = PreparedBuilding.of(tdint.load_model(CONFIGS / f"{model}.yaml"))
+    return run_interpreted(building, [parse(method)], True)
 
 
 def test_run_of_any_building_with_stories_starts_interpreted(background_processes):
@@ -230,9 +231,13 @@ def test_run_continues_with_loops_that_were_compiled_meanwhile(background_proces
     [("CI", "true"), ("TDINT_COMPILE", "wait"), ("SLURM_JOB_ID", "7"), ("TDINT_KERNELS", "python")],
 )
 def test_environment_prevents_interpretation(background_processes, monkeypatch, name, value):
-    assert begun()
+    """The loops are then compiled, and at the same time the spectra of the run."""
+    requested = []
+    monkeypatch.setattr(prepared, "load_or_compile", lambda pairs, _: requested.extend(pairs))
+    assert begun() and not requested
     monkeypatch.setenv(name, value)
     assert not begun()
+    assert {"impulse4", "loop", "elastic"} <= {load_or_compile._label(pair) for pair in requested}
 
 
 def test_only_one_background_process_compiles(background_processes, tmp_path, monkeypatch, caplog):

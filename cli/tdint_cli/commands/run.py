@@ -283,7 +283,7 @@ def _interpret_if_not_compiled(request: Request, case: Case) -> bool:
         methods = [part.method]
         if request.check is not False:
             methods.append(reference(part).method)
-        is_interpreted |= run_interpreted(part.prepared, methods)
+        is_interpreted |= run_interpreted(part.prepared, methods, case.record is not None)
     return is_interpreted
 
 

@@ -14,20 +14,18 @@ from tdint.system import lock
 
 
 def compile_in_background() -> None:
-    """Compile the groups of kernels in the arguments of the program, one group after the other.
+    """Compile the kernels in the argument of the program.
 
     `tdint.kernels.building.load_or_compile.interpret_while_compiling` starts this program. Its
-    first argument is a JSON list of groups; each group is a list of pairs of the name of a kernel,
-    or the number of a law, and its form. Nothing is done if no directory is writable or if another
-    process is compiling.
+    argument is a JSON list of pairs of the name of a kernel, or the number of a law, and its form.
+    Nothing is done if no directory is writable or if another process is compiling.
     """
     folder = store.writable()
     if folder is None:
         return
     with (folder / BACKGROUND_LOCK).open("a") as stream:
         if lock(stream.fileno()):
-            for group in json.loads(sys.argv[1]):
-                load_missing([(_found(key), form) for key, form in group])
+            load_missing([(_found(key), form) for key, form in json.loads(sys.argv[1])])
 
 
 def _found(key: str | float) -> Compilable:

@@ -331,7 +331,7 @@ def interpret_while_compiling(
     background = ""
     if folder:
         try:
-            _start_compilation([in_loop, others], folder)
+            _start_compilation([*in_loop, *others], folder)
         except OSError as error:
             # The limit of processes is reached (ulimit -u, a container), or the directory cannot be
             # written to.
@@ -339,7 +339,7 @@ def interpret_while_compiling(
                 f"; the process that compiles them cannot be started ({error.strerror or error})"
             )
         else:
-            _BACKGROUND.update(folder=folder, groups=[in_loop, others], time=time.monotonic())
+            _BACKGROUND.update(folder=folder, kernels=[*in_loop, *others], time=time.monotonic())
             background = " while compiled ones are made in the background"
             background += " (TDINT_COMPILE=wait compiles them first)"
     LOG.info("first run: uncompiled time loops are used%s", background)
@@ -348,7 +348,7 @@ def interpret_while_compiling(
 
 _BACKGROUND: dict[str, Any] = {}
 """Compilation in the background for the interpreted kernels of this process, empty without one:
-directory of the object files, groups of kernels, and time of the last start."""
+directory of the object files, kernels, and time of the last start."""
 
 _RESTART_SECONDS = 20.0
 """Time after which a compilation in the background is started again, s: another process may have
@@ -356,37 +356,32 @@ compiled other kernels before."""
 
 
 def use_compiled_kernels() -> None:
-    """Replace the interpreted kernels of the time loop by compiled kernels, if another process has
+    """Replace the interpreted kernels of the run by compiled kernels, if another process has
     compiled all of them in the meantime. A time loop calls this function between its calls."""
     if not _BACKGROUND:
         return
     from tdint.kernels.building import store
     from tdint.kernels.building.target import NATIVE, named
 
-    in_loop, others = _BACKGROUND["groups"]
-    if all(store.has(kernel.name, form, named(NATIVE)) for kernel, form in in_loop):
+    kernels = _BACKGROUND["kernels"]
+    if all(store.has(kernel.name, form, named(NATIVE)) for kernel, form in kernels):
         _BACKGROUND.clear()
         with _ONE_AT_A_TIME:
-            _load_existing(in_loop)
+            _load_existing(kernels)
     elif time.monotonic() > _BACKGROUND["time"] + _RESTART_SECONDS:
         _BACKGROUND["time"] = time.monotonic()
         with suppress(OSError):  # the run continues with interpreted kernels
-            _start_compilation([in_loop, others], _BACKGROUND["folder"])
+            _start_compilation(kernels, _BACKGROUND["folder"])
 
 
-def _start_compilation(groups: Sequence[Sequence[tuple[Compilable, str]]], folder: Path) -> None:
-    """Start a process that compiles groups of kernels, unless such a process is already running.
+def _start_compilation(kernels: Sequence[tuple[Compilable, str]], folder: Path) -> None:
+    """Start a process that compiles kernels, unless such a process is already running.
 
     For each directory of object files, a single process compiles in the background at a time, also
-    for different kernels. The process continues after the end of the process. The last group is
-    compiled first. OSError is raised if the process cannot be started.
+    for different kernels. The process continues after the end of this process. OSError is raised
+    if the process cannot be started.
     """
-    # The kernels that the time loop calls, the first group, are compiled last. If their object
-    # files exist, the object files of the other kernels also exist.
-    keys = [
-        [(getattr(kernel, "code", kernel.name), form) for kernel, form in group]
-        for group in reversed(groups)
-    ]
+    keys = [(getattr(kernel, "code", kernel.name), form) for kernel, form in kernels]
     file = folder / BACKGROUND_LOCK
     if file.exists() and not file.is_file():  # opening a named pipe would block
         raise FileExistsError(errno.EEXIST, f"{file} is not a file")
@@ -394,7 +389,7 @@ def _start_compilation(groups: Sequence[Sequence[tuple[Compilable, str]]], folde
         # The file is locked while a process compiles; `lock` then returns False. Otherwise several
         # models in succession would fill the memory with compilers. Closing the file at the end of
         # this block removes the lock. The new process then locks the file until it has compiled all
-        # groups (`compile_in_background`).
+        # kernels (`compile_in_background`).
         if lock(stream.fileno()):
             spawn_detached(
                 [sys.executable, "-P", "-c", _BACKGROUND_PROGRAM, json.dumps(keys)], folder

@@ -44,20 +44,19 @@ def _other_kernels(
     The time loop does not call them. They are compiled in the background, together with the kernels
     of the loop, so that later calls do not have to wait.
     """
-    # `peaks` computes response spectra. Imported here, because few runs are compiled in advance.
-    from tdint.kernels.oscillators.elastic import peaks
-
     # `follow` computes the forces of a story along a path of drifts, for pushover and cyclic tests.
-    other_kernels = [(follow, prepared.variant), (peaks, EVERYTHING)]
+    other_kernels = [(follow, prepared.variant), _spectra()]
     # The stability of a method that declares a finite limit is measured with linear oscillators.
     if integrator.stability_limit != math.inf:
         other_kernels.append((integrator.family.step, LINEAR_OSCILLATORS))
     return other_kernels
 
 
-def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator]) -> bool:
+def run_interpreted(
+    prepared: PreparedBuilding, methods: Sequence[Integrator], has_record: bool
+) -> bool:
     """Return True if a run starts with time loops in plain Python because they are not compiled
-    yet.
+    yet; otherwise load or compile them.
 
     Another process compiles the loops at the same time
     (`tdint.kernels.building.load_or_compile.interpret_while_compiling`).
@@ -66,6 +65,8 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator]) -
     ----------
     methods : sequence of Integrator
         Method of the run and method of its error estimate.
+    has_record : bool
+        The run has a ground motion, of which its summary states spectral accelerations.
     """
     building = prepared.building
     # Models of matrices need no kernels.
@@ -74,12 +75,24 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator]) -
     loop_kernels = dict.fromkeys(
         item for method in methods for item in kernels(method, prepared.variant)
     )
-    return interpret_while_compiling(
+    if interpret_while_compiling(
         list(loop_kernels),
         lambda: list(
             dict.fromkeys(item for method in methods for item in _other_kernels(prepared, method))
         ),
-    )
+    ):
+        return True
+    # The processes that compile the loops also compile the spectra.
+    prepared.compile(methods, others=[_spectra()] if has_record else [])
+    return False
+
+
+def _spectra() -> tuple[Kernel, Variant]:
+    """Return the kernel of response spectra. It is imported here, because a run without ground
+    motion does not need it."""
+    from tdint.kernels.oscillators.elastic import peaks
+
+    return peaks, EVERYTHING
 
 
 def all_kernels() -> list[tuple[Kernel, Variant]]:

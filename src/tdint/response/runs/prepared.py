@@ -19,7 +19,7 @@ from tdint import system
 from tdint.arrays import Array, cached_property, immutable
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
-from tdint.kernels.building.compilable import Variant, bind
+from tdint.kernels.building.compilable import Compilable, Variant, bind
 from tdint.kernels.building.load_or_compile import (
     load_or_compile,
     use_compiled_kernels,
@@ -445,8 +445,9 @@ class PreparedBuilding:
         self,
         integrators: Iterable[Integrator],
         progress: Callable[[float], None] = lambda part: None,
+        others: Iterable[tuple[Compilable, Variant]] = (),
     ) -> None:
-        """Load or compile the kernels for some methods before a timer starts.
+        """Load or compile the kernels for some methods, and other kernels, before a timer starts.
 
         Parameters
         ----------
@@ -462,7 +463,7 @@ class PreparedBuilding:
             return  # models of matrices need no kernels
         _verify_laws(self.building.law_parameters)
         load_or_compile(
-            [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
+            [*(item for method in integrators for item in kernels(method, self.variant)), *others],
             progress,
         )
 
