@@ -138,7 +138,7 @@ def test_unwritable_cache_is_tolerated_and_truncated_object_is_recompiled(
     (object_file,) = ahead.rglob(file_for("native"))
     compiled = []
 
-    def run_all(compilations):
+    def run_all(compilations, processes):
         compiled.extend(compilations)
         return ((compilation, [object_file.read_bytes()]) for compilation in compilations)
 

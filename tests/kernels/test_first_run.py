@@ -20,7 +20,14 @@ import tdint
 from csv_rows import rows as csv_rows
 from tdint.kernels import layout as rows
 from tdint.kernels import linear_terms
-from tdint.kernels.building import compilable, load_or_compile, process, store, target
+from tdint.kernels.building import (
+    background,
+    compilable,
+    load_or_compile,
+    process,
+    store,
+    target,
+)
 from tdint.kernels.building.compilable import ANY, F8, FULL, PLAIN, Variant
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws import compiled
@@ -238,6 +245,21 @@ def test_environment_prevents_interpretation(background_processes, monkeypatch, 
     monkeypatch.setenv(name, value)
     assert not begun()
     assert {"impulse4", "loop", "elastic"} <= {load_or_compile._label(pair) for pair in requested}
+
+
+@pytest.mark.parametrize("count, processes", [(1, 1), (2, 1), (8, 7)])
+def test_compilation_in_background_leaves_a_processor_to_the_run(
+    tmp_path, monkeypatch, count, processes
+):
+    requested = []
+    monkeypatch.setattr(background.store, "writable", lambda: tmp_path)
+    monkeypatch.setattr(background, "processors", lambda: count)
+    monkeypatch.setattr(
+        background, "load_missing", lambda kernels, processes: requested.append(processes)
+    )
+    monkeypatch.setattr(sys, "argv", ["", json.dumps([[integrate.name, PLAIN]])])
+    background.compile_in_background()
+    assert requested == [processes]
 
 
 def test_only_one_background_process_compiles(background_processes, tmp_path, monkeypatch, caplog):

@@ -10,7 +10,7 @@ from tdint.kernels.building import store
 from tdint.kernels.building.compilable import Compilable
 from tdint.kernels.building.load_or_compile import BACKGROUND_LOCK, load_missing
 from tdint.kernels.laws.compiled import compiled_laws
-from tdint.system import lock
+from tdint.system import lock, processors
 
 
 def compile_in_background() -> None:
@@ -18,14 +18,16 @@ def compile_in_background() -> None:
 
     `tdint.kernels.building.load_or_compile.interpret_while_compiling` starts this program. Its
     argument is a JSON list of pairs of the name of a kernel, or the number of a law, and its form.
-    Nothing is done if no directory is writable or if another process is compiling.
+    Nothing is done if no directory is writable or if another process is compiling. One processor
+    remains free for the run; fewer processes also compile less code twice.
     """
     folder = store.writable()
     if folder is None:
         return
     with (folder / BACKGROUND_LOCK).open("a") as stream:
         if lock(stream.fileno()):
-            load_missing([(_found(key), form) for key, form in json.loads(sys.argv[1])])
+            kernels = [(_found(key), form) for key, form in json.loads(sys.argv[1])]
+            load_missing(kernels, processes=max(processors() - 1, 1))
 
 
 def _found(key: str | float) -> Compilable:

@@ -65,8 +65,9 @@ _EXCEPTION = re.compile(r"@\.const\.picklebuf\.\w+")
 _COMDAT = re.compile(r" comdat(\([^)]*\))?(?= )")
 """Mark of a function of which the linker keeps one definition, in the text of a module."""
 
-_BODY = re.compile(r'(?<=@)"?((?<=")[^"]+|[\w.$-]+)"?\(.*(?= #\d+ \{$| \{$)', re.MULTILINE)
-"""Definition of a function up to the place of its attributes, in the text of a module."""
+_BODY = re.compile(r'(?<=@)"?((?<=")[^"]+|[\w.$-]+)"?\(.*(?= \x23\d+ \{$| \{$)', re.MULTILINE)
+"""Definition of a function up to the place of its attributes, in the text of a module. The hash of
+the sources would omit the text after a number sign, which is therefore written as a code."""
 
 _DEFINED = re.compile(r'^(?:define [^@]*)?@"?((?<=")[^"]+|[\w.$-]+)"?(?= =|\()', re.MULTILINE)
 _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')

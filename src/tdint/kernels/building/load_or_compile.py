@@ -98,9 +98,10 @@ def required(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilab
 def load_missing(
     needed: Sequence[tuple[Compilable, str]],
     progress: Callable[[float], None] = lambda done: None,
+    processes: int | None = None,
 ) -> None:
     """Load the kernels and laws that are not loaded, and compile those without an object file
-    (`load_or_compile`).
+    (`load_or_compile`), in a number of parallel processes (`run_all`).
 
     The caller owns the lock `_ONE_AT_A_TIME`, or is the only thread. The environment variable
     TDINT_KERNELS has these values:
@@ -134,7 +135,7 @@ def load_missing(
     ):
         # Another process may have compiled the kernels in the meantime.
         if missing := _load_existing(missing):
-            _compile(missing, progress, folder)
+            _compile(missing, progress, processes, folder)
 
 
 def _load_existing(
@@ -156,6 +157,7 @@ def _load_existing(
 def _compile(
     missing: Sequence[tuple[Compilable, str]],
     progress: Callable[[float], None],
+    processes: int | None,
     folder: Path | None,
 ) -> None:
     """Compile kernels in parallel processes, save their object files, and load them into this
@@ -192,7 +194,7 @@ def _compile(
         destination,
     )
     # Each compilation is for this machine only, and therefore has a single object file.
-    running = run_all(compilations((*pair, NATIVE) for pair in missing))
+    running = run_all(compilations((*pair, NATIVE) for pair in missing), processes)
     for completed, (compilation, (data,)) in enumerate(running, start=1):
         kernel, form = compilation.kernel, compilation.form
         code, description = unpack(data)

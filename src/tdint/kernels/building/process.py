@@ -176,9 +176,11 @@ def compilations(requested: Iterable[tuple[Compilable, str, str]]) -> list[Compi
     return [Compilation(kernel, form, targets) for (kernel, form, _), targets in groups.items()]
 
 
-def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
-    """Run one process for each processor in parallel, and yield each compilation with its object
-    files (one for each target) when it is completed.
+def run_all(
+    compilations: Sequence[Compilation], processes: int | None = None
+) -> Iterator[tuple[Compilation, list[bytes]]]:
+    """Run several processes in parallel (default: one for each processor), and yield each
+    compilation with its object files (one for each target) when it is completed.
 
     Each process is controlled by a thread, which takes the next compilation from a common list.
 
@@ -197,7 +199,7 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     # while the other processes are idle.
     waiting = sorted(compilations, key=lambda item: size(item.kernel.name), reverse=True)
     work = _Work(waiting, SimpleQueue(), set(), [], Event())
-    count = min(processors(), len(waiting))
+    count = min(processes or processors(), len(waiting))
     with ThreadPoolExecutor(max(count, 1)) as pool:
         try:
             for _ in range(count):
