@@ -355,3 +355,22 @@ def test_the_limit_of_resistance_is_where_the_last_lines_of_the_elements_have_no
     building = assemble(load_model({"stories": [{"mass": 1, "elements": elements}]}))
     high, low = building.resistance_limits
     assert high[0] == pytest.approx((1.1 + 2.4) / (10.0 + 10.0)) and low[0] == -high[0]
+
+
+@pytest.mark.parametrize(
+    ("keys", "high", "low"),
+    [
+        ({"rule": "kinematic"}, 0.3, -0.3),
+        ({"rule": "elastic"}, 0.3, -0.3),
+        ({"rule": "elastic", "sides": "positive"}, 0.3, -math.inf),
+        ({"rule": "peak"}, math.inf, -math.inf),
+    ],
+)
+def test_the_limit_of_resistance_of_a_falling_curve_depends_on_its_rule_and_sides(
+    keys: dict[str, Any], high: float, low: float
+) -> None:
+    """From 1 N at 0.1 m the curve falls by 5 N/m: it has no force at 0.3 m. A law that fails at
+    zero force, and a side without a curve, have no limit."""
+    law = {"type": "multilinear", "backbone": [[0.1, 1.0]], "last_slope": -5.0, **keys}
+    building = assemble(load_model({"stories": [{"mass": 1, "stiffness": 10, "law": law}]}))
+    assert [x[0] for x in building.resistance_limits] == pytest.approx([high, low])

@@ -1,6 +1,7 @@
 """Forces on floors from tables: closed forms, exact solutions, orders, peaks and energies."""
 
 import math
+from bisect import bisect_right
 from functools import cache
 
 import numpy as np
@@ -11,7 +12,9 @@ from scipy.optimize import brentq
 import tdint
 from el_centro import el_centro
 from selection import every
+from tdint.kernels.time_loop import force_tables
 from tdint.methods.catalogue import catalogue
+from tdint.response.runs.prepared import PreparedBuilding
 
 OMEGA = 2.0 * math.pi  # one story with a period of 1 s
 STIFFNESS = OMEGA**2
@@ -565,3 +568,14 @@ def test_batch_and_chunks_equal_the_run():
     chunks = list(single.history_chunks(1))
     acceleration = np.concatenate([chunk.absolute_acceleration for chunk in chunks])
     assert np.array_equal(acceleration, single.history.absolute_acceleration)
+
+
+def test_points_of_a_table_are_counted_from_any_point():
+    """A position of an earlier or a later step finds the points until a time (bisection)."""
+    times = [0.1, 0.2, 0.3, 0.4, 0.5]
+    prepared = PreparedBuilding.of(tdint.load_model(one_story([(t, 1.0) for t in times])))
+    forces, points = prepared.loads
+    for start in range(len(times) + 1):
+        for t in (0.0, 0.1, 0.15, 0.35, 0.5, 0.6):
+            found = force_tables._points_until(forces, points, 0, start, t)
+            assert found == bisect_right(times, t)
