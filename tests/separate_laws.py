@@ -348,7 +348,9 @@ class ImkCurves:
             values["rise"] - values["fall"]
         )
         residual_drift = (values["rest"] - values["start"]) / values["fall"]
-        bends = [x for x in (cap, residual_drift, values["u"]) if x > far]
+        # The hardening line of a deteriorated side exceeds the residual force from here on.
+        recovery = values["F"] + (values["rest"] - values["F"]) / values["rise"]
+        bends = sorted(x for x in (recovery, cap, residual_drift, values["u"]) if x > far)
         self.polygon = [here, *points, *((x, self.backbone(side, x)) for x in (far, *bends))]
         self.loading = side
 

@@ -74,6 +74,7 @@ def test_trilinear_pinching_agrees_with_curves(pinching, unloading, largest):
 SIDES = {
     "equal": (side(), side()),
     "different": (side(), side(0.8, 3.0, 12.0, 1.1, 0.3, 50.0, 0.6)),
+    "residual": (side(residual=1.0), side(residual=0.95)),
 }
 
 
