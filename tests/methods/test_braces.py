@@ -281,6 +281,19 @@ def test_a_rigid_brace_equals_a_dashpot_without_brace():
     assert drifts[0] == pytest.approx(drifts[1], rel=1e-5)
 
 
+@pytest.mark.parametrize("name", ORDER_4)
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+def test_a_rigid_brace_has_its_peak_force_between_the_ends_of_a_step(name, exponent):
+    """Free vibration in ten steps per period: the drift rate has its peak, omega times the initial
+    drift, in the middle of the third step, and is 5 % smaller at its ends."""
+    omega, coefficient = 10.0, 1e-3
+    building = model([braced(1.0, omega**2, coefficient, exponent, 1e8)], displacement=[1.0])
+    period = 2.0 * math.pi / omega
+    response = run(building, method=name, dt=period / 10, duration=0.4 * period, check=False)
+    peak = coefficient * omega**exponent
+    assert response.stories.peak_damper_force == pytest.approx([peak], rel=3e-3)
+
+
 TEXT = """
 units: {{length: m, force: kN, mass: t}}
 stories:
