@@ -239,16 +239,18 @@ def test_residual_displacement_is_computed():
 
 @pytest.mark.parametrize("center", [0.25, -0.25])
 @pytest.mark.parametrize("v", [0.4, -0.4])
-def test_peak_of_a_vibration_to_rest_is_on_the_side_of_its_center(center, v):
+@pytest.mark.parametrize("x", [0.0, 0.01, -0.01])
+def test_peak_of_a_vibration_to_rest_is_on_the_side_of_its_center(center, v, x):
     """The extrema on both sides of the center count: also the second one, if it is the largest."""
     k, c = 100.0, 2.0
     limits = {"UPPER": center + 0.1, "LOWER": center - 0.1}
-    oscillator_state = state(U=center, V=v, OFFSET=-k * center, **limits)
+    oscillator_state = state(U=center + x, V=v, OFFSET=-k * center, **limits)
     series = np.zeros(bilinear._MAX_TERMS)
     bilinear._vibrate_freely(oscillator_state, series, bilinear._Hysteretic(k, c, 0.0, 10.0))
     damped = math.sqrt(k - 0.25 * c**2)
     t = np.linspace(0.0, 2.0, 200_001)
-    u = center + v / damped * np.exp(-0.5 * c * t) * np.sin(damped * t)
+    sine = (v + 0.5 * c * x) / damped * np.sin(damped * t)
+    u = center + np.exp(-0.5 * c * t) * (x * np.cos(damped * t) + sine)
     assert oscillator_state[bilinear.PEAK] == pytest.approx(np.max(np.abs(u)), rel=1e-8)
 
 

@@ -203,8 +203,10 @@ def test_strain_energy_is_work_of_unloading(case):
     ],
 )
 def test_law_stiffens_if_later_segment_is_steeper(points, stiffens):
-    for law in (multilinear(points), multilinear(VMTK, negative=points)):
-        assert LAWS[law.name].stiffens(law.parameters) is stiffens
+    for length in (1.0, 0.1):
+        here, other = (tuple((length * x, y) for x, y in side) for side in (points, VMTK))
+        for law in (multilinear(here), multilinear(other, negative=here)):
+            assert LAWS[law.name].stiffens(law.parameters) is stiffens
 
 
 def test_force_is_zero_beyond_ultimate_drift():
