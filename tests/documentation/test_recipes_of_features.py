@@ -71,23 +71,15 @@ CHANGES = {
             "element,stiffness,not negative,initial stiffness; default for a gap: 0,,\n",
             "element,grade,positive,grade of its steel,,\n",
         ),
-        ("tdint/model/config/stories.py", '        entry, "name",', ' "grade",'),
         (
-            "tdint/model/config/stories.py",
-            "    cosine = _read_inclination(section)\n",
-            '    grade = section.read("grade", 0.0)\n',
+            "tdint/response/runs/elements.py",
+            'Quantity("text", "hysteretic law of the element")]\n',
+            '    grade: Annotated[Array, Quantity("1", "grade of its steel")]\n',
         ),
-        ("tdint/model/config/stories.py", "else stiffness, result, cosine", ", grade"),
-        ("tdint/response/runs/elements.py", "    law: NDArray[np.str_]\n", "    grade: Array\n"),
         (
             "tdint/response/runs/elements.py",
             "        story=indices + 1,\n",
             "        grade=np.array([story.elements[j].grade for _, story, j in elements]),\n",
-        ),
-        (
-            "tdint/output/tables/columns.csv",
-            "elements.element_columns,law,text,,hysteretic law of the element\n",
-            "elements.element_columns,grade,1,,grade of its steel\n",
         ),
     ],
 }

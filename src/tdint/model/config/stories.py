@@ -200,6 +200,8 @@ class _LawType(NamedTuple):
 
 LAW = _LawType(is_name_allowed=True)
 _ELEMENT_KEYS = (*keys("element"), *_INCLINATION)
+_ATTRIBUTES = tuple(key for key in keys("element") if key.name not in ("name", "stiffness"))
+"""Keys of further attributes of an element, with the names of fields of `Element`."""
 ELEMENTS = EntriesOf(
     Either((_LawType(_ELEMENT_KEYS), Keys((*_ELEMENT_KEYS, Key("law", LAW, needed=True))))),
     least=1,
@@ -249,11 +251,13 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[story_laws.Law, flo
     return result, stiffness
 
 
-def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, Section | None]:
+def _read_law_type(
+    value: Value, *further_keys: str, attributes: tuple[Key, ...] = ()
+) -> tuple[DriftLaw | None, Section | None]:
     """Return the law and the section with its parameters.
 
     The law is `None` after an error. The section is `None` if the value is only the
-    name of the law. The section can contain `further_keys`.
+    name of the law. The section can contain `further_keys`, and `attributes` with their types.
     """
     # The name without parameters is valid only if the law has no parameters.
     if not value.is_mapping:
@@ -275,7 +279,7 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     allowed_keys = ["type", FRACTURE.name, *further_keys]
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
-    declared = tuple(Key(key, ANY) for key in dict.fromkeys(allowed_keys))
+    declared = (*(Key(key, ANY) for key in dict.fromkeys(allowed_keys)), *attributes)
     keys = Keys(declared, other_names=story_laws.LAWS[name].other_keys if name else ())
     section = value.section(keys)
     if section:
@@ -694,9 +698,8 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
     entry = entry.flattened("law", "type")
     if nested := entry.peek("elements"):
         nested.fault("an element cannot contain elements; add them to the list of the story")
-    law, section = _read_law_type(
-        entry, "name", "stiffness", "elements", *(key.name for key in _INCLINATION)
-    )
+    names = ("name", "stiffness", "elements", *(key.name for key in _INCLINATION))
+    law, section = _read_law_type(entry, *names, attributes=_ATTRIBUTES)
     if law is None or section is None:
         return unknown
     name_entry = section.get("name")
@@ -726,7 +729,10 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
     result = _checked_law(entry, story_laws.Law(law.name, parameters), stiffness, unit, height)
     if not has_unknown and law.tangent_damping(parameters, 1.0):
         entry.fault("damping of a law in contact is possible in attachments and links only")
-    return Element(name, math.nan if has_unknown else stiffness, result, cosine)
+    attributes = {
+        key.name: section.read(key.name, getattr(unknown, key.name)) for key in _ATTRIBUTES
+    }
+    return Element(name, math.nan if has_unknown else stiffness, result, cosine, **attributes)
 
 
 def _read_stiffness(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tdint.output.tables.columns import declared
 from tdint.output.tables.table import TEXT, Column, Table, error_columns
-from tdint.response.runs.elements import ELEMENT_QUANTITIES
+from tdint.response.runs.elements import ELEMENT_QUANTITIES, ElementPeaks
+from tdint.units import quantities
 
 if TYPE_CHECKING:
     from tdint.response.runs.outcome import Response
@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
 
 ELEMENT_COLUMNS: tuple[Column, ...] = (
-    *declared("elements.element_columns"),
+    *(
+        Column.of_quantity(quantity)
+        for quantity in quantities(ElementPeaks)
+        if quantity.name not in _ELEMENT
+    ),
     Column.of_quantity(_ELEMENT["peak_force"]),
     Column.of_quantity(_ELEMENT["dissipated_energy"]),
     Column.named("yield_drift", "drift at first yield; empty without yielding", "m"),

@@ -57,9 +57,9 @@ class ElementPeaks(WithTable, ElementValues):
         `positive` or `negative`; empty for an element that has not fractured.
     """
 
-    story: NDArray[np.int64]
-    element: NDArray[np.str_]
-    law: NDArray[np.str_]
+    story: Annotated[NDArray[np.int64], Quantity("1", "story, numbered from the ground")]
+    element: Annotated[NDArray[np.str_], Quantity("text", "name of the element in the model file")]
+    law: Annotated[NDArray[np.str_], Quantity("text", "hysteretic law of the element")]
     yield_drift: Array
     fracture_time: Array
     fracture_side: NDArray[np.str_]
