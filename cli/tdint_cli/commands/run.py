@@ -279,11 +279,14 @@ def _interpret_if_not_compiled(request: Request, case: Case) -> bool:
     from tdint.response.runs.error_estimate import reference
 
     is_interpreted = False
+    has_summary = bool(request.output or request.report)
     for part in case.directions:
         methods = [part.method]
         if request.check is not False:
             methods.append(reference(part).method)
-        is_interpreted |= run_interpreted(part.prepared, methods, case.record is not None)
+        is_interpreted |= run_interpreted(
+            part.prepared, methods, has_summary and case.record is not None
+        )
     return is_interpreted
 
 

@@ -53,7 +53,7 @@ def _other_kernels(
 
 
 def run_interpreted(
-    prepared: PreparedBuilding, methods: Sequence[Integrator], has_record: bool
+    prepared: PreparedBuilding, methods: Sequence[Integrator], needs_spectra: bool
 ) -> bool:
     """Return True if a run starts with time loops in plain Python because they are not compiled
     yet; otherwise load or compile them.
@@ -65,8 +65,8 @@ def run_interpreted(
     ----------
     methods : sequence of Integrator
         Method of the run and method of its error estimate.
-    has_record : bool
-        The run has a ground motion, of which its summary states spectral accelerations.
+    needs_spectra : bool
+        The run has a summary, which states a spectral acceleration of its ground motion.
     """
     building = prepared.building
     # Models of matrices need no kernels.
@@ -83,13 +83,13 @@ def run_interpreted(
     ):
         return True
     # The processes that compile the loops also compile the spectra.
-    prepared.compile(methods, others=[_spectra()] if has_record else [])
+    prepared.compile(methods, others=[_spectra()] if needs_spectra else [])
     return False
 
 
 def _spectra() -> tuple[Kernel, Variant]:
-    """Return the kernel of response spectra. It is imported here, because a run without ground
-    motion does not need it."""
+    """Return the kernel of response spectra. It is imported here, because a run without a
+    summary does not need it."""
     from tdint.kernels.oscillators.elastic import peaks
 
     return peaks, EVERYTHING
