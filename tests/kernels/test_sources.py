@@ -165,7 +165,6 @@ def tokens_of_code(text):
     return "".join("".join(kept).split()).encode()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("folder", ["kernels", "methods"])
 def test_hashed_text_contains_the_complete_code(folder):
     """The hash includes each token of each module on which an object file depends, and the

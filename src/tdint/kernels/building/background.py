@@ -19,7 +19,7 @@ def compile_in_background() -> None:
     `tdint.kernels.building.load_or_compile.interpret_while_compiling` starts this program. Its
     argument is a JSON list of pairs of the name of a kernel, or the number of a law, and its form.
     Nothing is done if no directory is writable or if another process is compiling. One processor
-    remains free for the run; fewer processes also compile less code twice.
+    remains free for the run. In addition, each further process would compile shared code again.
     """
     folder = store.writable()
     if folder is None:
