@@ -317,11 +317,18 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
                 raise OutputError(f"{file}: {folder} is a file, not a directory")
             if not os.access(folder, os.W_OK | os.X_OK):
                 raise OutputError(f"{file}: no permission to write to the directory {folder}")
-            if file.is_dir():
+            # The file is examined once: another process can remove or replace it at any time.
+            try:
+                mode = file.stat().st_mode
+            except OSError as error:
+                if error.errno not in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP):
+                    raise
+                continue
+            if stat.S_ISDIR(mode):
                 raise OutputError(f"{file}: this is a directory; specify a file")
-            if file.exists() and not file.is_file():
+            if not stat.S_ISREG(mode):
                 raise OutputError(f"{file}: this is a device or a pipe; specify a regular file")
-            if file.exists() and not overwrite:
+            if not overwrite:
                 raise _exists(file)
 
 

@@ -290,14 +290,37 @@ def test_two_writers_do_not_mix_their_files(tmp_path: Path) -> None:
     for number in (b"1", b"2", b"3"):
         process = os.fork()
         if not process:
-            for _ in range(20):
-                write_files(dict.fromkeys(names, number), overwrite=True)
-            os._exit(0)
+            try:
+                for _ in range(20):
+                    write_files(dict.fromkeys(names, number), overwrite=True)
+                os._exit(0)
+            finally:
+                os._exit(1)  # also after an error, which would run the other tests in this process
         children.append(process)
     codes = [os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) for process in children]
     assert codes == [0, 0, 0]
     assert len({file.read_bytes() for file in names}) == 1
     assert sorted(tmp_path.iterdir()) == names
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_a_file_that_another_process_removes_is_no_device(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    """The file is removed after a number of examinations."""
+    file, examined, examine = tmp_path / "a.csv", [], Path.stat
+    file.write_bytes(b"")
+
+    def watch(path: Path, **how: bool) -> os.stat_result:
+        found = examine(path, **how)
+        if path == file:
+            examined.append(path)
+            if len(examined) == count:
+                file.unlink()
+        return found
+
+    monkeypatch.setattr(Path, "stat", watch)
+    check_outputs([file], overwrite=True)
 
 
 def test_too_few_file_descriptors_are_reported_with_the_remedy(inputs: None) -> None:
