@@ -16,7 +16,6 @@ from contextlib import contextmanager
 from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
-from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
@@ -360,10 +359,23 @@ class FunctionPackage(ModuleType):
         return f"{name}{inspect.signature(function)}\n\n{inspect.getdoc(function)}"
 
 
-def function_on_use(module: str, name: str) -> Callable[..., Any]:
-    """Return a function that calls the function `name` of a module, which it imports first. The
-    name may be an attribute of an attribute: `Acceptance.parse`."""
-    return lambda *arguments: attrgetter(name)(import_module(module))(*arguments)
+class _OnUse:
+    """Function of a module that is imported when the function is called."""
+
+    def __init__(self, find: Callable[[], Any]) -> None:
+        self._find = find
+
+    def __getattr__(self, name: str) -> _OnUse:
+        return _OnUse(lambda: getattr(self._find(), name))
+
+    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
+        return self._find()(*arguments, **keywords)
+
+
+def on_use(module: str) -> Any:
+    """Return a placeholder for a module. Its attributes are functions that import the module when
+    they are called; also an attribute of an attribute, such as `Acceptance.parse`."""
+    return _OnUse(lambda: import_module(module))
 
 
 def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]:

@@ -6,14 +6,14 @@ from collections import Counter
 
 from tdint import assessment
 from tdint.output import tables
-from tdint.tabular import function_on_use
+from tdint.tabular import on_use
 from tdint_cli import options
 from tdint_cli.assessment import method_options
 from tdint_cli.options.option_types import ListOf, Written
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
-_PROBLEM = Written("name", names=function_on_use("tdint.assessment.failures.failures", "problems"))
+_PROBLEM = Written("name", names=on_use("tdint.assessment.failures.failures").problems)
 
 
 @options.command

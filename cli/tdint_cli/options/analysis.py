@@ -13,7 +13,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.number_parsing import number_or_nan
-from tdint.tabular import function_on_use
+from tdint.tabular import on_use
 from tdint_cli.options import grammar
 from tdint_cli.options.option_types import FileName, ListOf, Written
 from tdint_cli.options.record import RecordRequest
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model, RecordSource
 
 
-method_name = Written("name", names=function_on_use("tdint.methods.catalogue", "catalogue"))
+method_name = Written("name", names=on_use("tdint.methods.catalogue").catalogue)
 
 
 def _load(

@@ -13,7 +13,7 @@ import click
 from tdint.errors import UsageError
 from tdint.files import protect_input
 from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, parse_ratio
-from tdint.tabular import function_on_use
+from tdint.tabular import on_use
 from tdint.units import (
     ACCELERATION,
     FORCE,
@@ -317,7 +317,7 @@ intensity = Written("value", _intensity)
 """A peak value or pseudo-acceleration with its unit, such as 0.6g."""
 
 
-pair_names = Written("names", function_on_use("tdint.ground_motion.horizontals", "PairNames.parse"))
+pair_names = Written("names", on_use("tdint.ground_motion.horizontals").PairNames.parse)
 """Patterns for the file names of a pair: two names with {}, such as {}_N.AT2,{}_E.AT2."""
 
 

@@ -10,7 +10,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.number_parsing import abbreviate
-from tdint.tabular import function_on_use
+from tdint.tabular import on_use
 from tdint_cli.options import grammar, option_types
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def _units() -> list[str]:
 
 # A unit for all records, or units by file (`AT2=g,*.mseed=m/s^2` or the name of a table, which is
 # read)
-_sample_units = function_on_use("tdint.ground_motion.reading.sample_units", "units_of_text")
+_sample_units = on_use("tdint.ground_motion.reading.sample_units").units_of_text
 
 
 records = click.argument(

@@ -16,7 +16,7 @@ from tdint.files import Content, check_outputs, is_there, settle, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.system import processors
-from tdint.tabular import function_on_use
+from tdint.tabular import on_use
 from tdint.units import GROUND_MOTION, OutputUnits, Units
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
@@ -61,7 +61,7 @@ def _measure(name: str) -> str:
 
 
 # Names of the intensity measures for the scaling of ground motions
-_measures = function_on_use("tdint.studies.motions.intensity", "scalable_measures")
+_measures = on_use("tdint.studies.motions.intensity").scalable_measures
 
 
 @options.request
@@ -80,9 +80,7 @@ class IdaRequest(RecordsRequest):
     collapse_drift: float | None = options.option()
     threshold: tuple[float, ...] | None = options.option()
     p695: Acceptance | None = options.option(
-        type=Written(
-            "design", function_on_use("tdint.studies.ida.collapse_margin", "Acceptance.parse")
-        )
+        type=Written("design", on_use("tdint.studies.ida.collapse_margin").Acceptance.parse)
     )
     after: str | None = options.option()
     damage: tuple[float, ...] | None = options.option()

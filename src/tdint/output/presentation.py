@@ -12,14 +12,17 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from tdint.output import figures, tables
-from tdint.tabular import Tabular
+from tdint.output import tables
+from tdint.tabular import Tabular, on_use
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from tdint.output import figures
     from tdint.output.tables.table import Column, Table
     from tdint.units import OutputUnits
+else:
+    figures = on_use("tdint.output.figures")
 
 
 @dataclass(frozen=True)
@@ -89,38 +92,36 @@ def _draw_record(axes: Any, records: Sequence[Any], units: OutputUnits) -> None:
 PRESENTATIONS: dict[str, Presentation] = {
     "CyclicTest": Presentation(
         columns=lambda _: tables.buildings.CYCLIC,
-        picture=lambda result, units: figures.static_curves.cyclic_picture(result, units),
-        on_axes=lambda ax, result, units: figures.static_curves.draw_loop(ax, result, units),
+        picture=figures.static_curves.cyclic_picture,
+        on_axes=figures.static_curves.draw_loop,
         alone=True,
     ),
     "DriftSpectrum": Presentation(
         columns=_record_columns,
-        picture=lambda results, units: figures.spectrum_curves.drift_spectrum_picture(
-            results, units
-        ),
+        picture=figures.spectrum_curves.drift_spectrum_picture,
     ),
     "ElementPeaks": Presentation(columns=lambda _: tables.elements.ELEMENT_COLUMNS),
     "FloorSpectrum": Presentation(
         lambda result: tables.spectra.floor_spectrum_table([result]),
-        picture=lambda results, units: figures.floor_spectra.floor_picture(results, units),
+        picture=figures.floor_spectra.floor_picture,
     ),
     "FourierSpectrum": Presentation(
         columns=_record_columns,
-        picture=lambda results, units: figures.static_curves.fourier_picture(results, units),
-        on_axes=lambda ax, results, units: figures.static_curves.draw_fourier(ax, results, units),
+        picture=figures.static_curves.fourier_picture,
+        on_axes=figures.static_curves.draw_fourier,
     ),
     "DevicePeaks": Presentation(columns=lambda result: tables.devices.device_columns(result)),
     "History": Presentation(lambda result: tables.values.history_columns(result)),
     "InelasticSpectrum": Presentation(
         columns=_record_columns,
-        picture=lambda results, units: figures.spectrum_curves.inelastic_picture(results, units),
+        picture=figures.spectrum_curves.inelastic_picture,
     ),
     "Integrator": Presentation(rows=row(lambda: tables.methods.METHOD)),
     "InventoryBuilding": Presentation(rows=row(lambda: tables.buildings.INVENTORY)),
     "ModalResponse": Presentation(
         columns=lambda _: tables.buildings.MODAL_RESPONSE,
-        picture=lambda result, units: figures.mode_shapes.modal_response_picture(result, units),
-        on_axes=lambda ax, result, units: figures.mode_shapes.draw_modal_drifts(ax, result, units),
+        picture=figures.mode_shapes.modal_response_picture,
+        on_axes=figures.mode_shapes.draw_modal_drifts,
         alone=True,
     ),
     "Modes": Presentation(
@@ -132,8 +133,8 @@ PRESENTATIONS: dict[str, Presentation] = {
     "Overview": Presentation(rows=row(lambda: tables.buildings.OVERVIEW)),
     "Pushover": Presentation(
         lambda result: tables.buildings.pushover_table(result),
-        picture=lambda result, units: figures.static_curves.pushover_picture(result, units),
-        on_axes=lambda ax, result, units: figures.static_curves.draw_curve(ax, result, units),
+        picture=figures.static_curves.pushover_picture,
+        on_axes=figures.static_curves.draw_curve,
         alone=True,
     ),
     "Record": Presentation(
@@ -146,31 +147,29 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Response": Presentation(
         lambda result: tables.responses.response_table(result),
-        picture=lambda result, units: figures.runs.run_picture(result, units),
-        on_axes=lambda ax, result, units: figures.runs.draw_drifts(ax, result, units),
+        picture=figures.runs.run_picture,
+        on_axes=figures.runs.draw_drifts,
         alone=True,
     ),
     "RotatedSpectrum": Presentation(
         lambda result: tables.spectra.rotated_table([result]),
-        picture=lambda results, units: figures.spectrum_curves.rotated_picture(results, units),
+        picture=figures.spectrum_curves.rotated_picture,
     ),
     "Spectrum": Presentation(
         columns=_record_columns,
         picture=lambda results, units: figures.spectrum_curves.spectrum_picture(
             results, units=units
         ),
-        on_axes=lambda ax, results, units: figures.spectrum_curves.draw_accelerations(
-            ax, results, units
-        ),
+        on_axes=figures.spectrum_curves.draw_accelerations,
     ),
     "StoryPeaks": Presentation(columns=lambda _: tables.responses.STORY_COLUMNS),
     "TargetDisplacement": Presentation(
         columns=lambda _: tables.buildings.TARGET_DISPLACEMENT,
-        picture=lambda results, units: figures.static_curves.target_picture(results, units),
+        picture=figures.static_curves.target_picture,
     ),
     "TransferFunction": Presentation(
         lambda result: tables.transfer.transfer_table(result),
-        picture=lambda result, units: figures.mode_shapes.transfer_picture(result, units),
+        picture=figures.mode_shapes.transfer_picture,
         alone=True,
     ),
 }

@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint import studies
 from tdint.output import tables
 from tdint.output.presentation import Presentation
 from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.tabular import on_use
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from tdint import studies
     from tdint.units import OutputUnits
+else:
+    studies = on_use("tdint.studies")
 
 _PERIODS = (0.04, 4.0, 100)
 """Range (s) and number of periods of spectra in comparisons with recordings."""
@@ -44,9 +47,9 @@ def _draw_fragility(axes: Any, functions: Sequence[Any], units: OutputUnits) -> 
 
 
 PRESENTATIONS: dict[str, Presentation] = {
-    "CampaignRuns": Presentation(lambda result: studies.campaign_tables.stored_columns(result)),
+    "CampaignRuns": Presentation(studies.campaign_tables.stored_columns),
     "Comparison": Presentation(
-        lambda result: studies.comparison_tables.comparison_table(result),
+        studies.comparison_tables.comparison_table,
         picture=_comparison_picture,
     ),
     "Fragility": Presentation(
@@ -62,12 +65,12 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Gradient": Presentation(
         columns=lambda result: tables.responses.gradient_columns(result),
-        picture=lambda result, units: studies.suite_figures.gradient_picture(result, units),
+        picture=studies.suite_figures.gradient_picture,
         alone=True,
         only_si="derivatives are in SI units: units cannot be selected for a gradient",
     ),
     "IdaStudy": Presentation(
-        lambda result: studies.ida_tables.ida_table(result),
+        studies.ida_tables.ida_table,
         picture=lambda result, units: studies.ida_figures.ida_picture(
             result.in_units(units.in_figures)
         ),
@@ -76,28 +79,24 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "Match": Presentation(
         lambda result: studies.matching_tables.match_table([result]),
-        picture=lambda result, units: studies.matching_figures.match_picture(result, units),
-        on_axes=lambda ax, result, units: studies.matching_figures.draw_match(ax, result, units),
+        picture=studies.matching_figures.match_picture,
+        on_axes=studies.matching_figures.draw_match,
         alone=True,
     ),
     "Runs": Presentation(
         lambda result: tables.values.runs_columns(result),
-        picture=lambda result, units: studies.suite_figures.runs_picture(result, units),
-        on_axes=lambda ax, result, units: studies.suite_figures.draw_runs(ax, result, units),
+        picture=studies.suite_figures.runs_picture,
+        on_axes=studies.suite_figures.draw_runs,
         alone=True,
     ),
     "Scaling": Presentation(
-        lambda result: studies.scaling_tables.factor_table(result),
-        picture=lambda result, units: studies.scaling_figures.suite_picture(result, units),
-        on_axes=lambda ax, result, units: studies.scaling_figures.draw_suite(ax, result, units),
+        studies.scaling_tables.factor_table,
+        picture=studies.scaling_figures.suite_picture,
+        on_axes=studies.scaling_figures.draw_suite,
         alone=True,
     ),
     "ParameterEffect": Presentation(
-        rows=lambda results, units: studies.sensitivity_tables.parameter_effect_table(
-            results, units
-        ),
-        picture=lambda results, units: studies.sensitivity_figures.sensitivity_picture(
-            results, units
-        ),
+        rows=studies.sensitivity_tables.parameter_effect_table,
+        picture=studies.sensitivity_figures.sensitivity_picture,
     ),
 }
