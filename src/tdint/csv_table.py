@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import chain, dropwhile, islice, zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NamedTuple, overload
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, read_whole, record_digest
+from tdint.items import LazySequence
 from tdint.number_parsing import LARGEST, SMALLEST, has_underflow, number_or_nan, pluralize
 
 if TYPE_CHECKING:
@@ -270,7 +271,7 @@ FindHeader = Callable[[Sequence[str]], TableHeader | None]
 """Function of the lines of a file that returns its header, or None for a file without a header."""
 
 
-class TextColumn(Sequence[str]):
+class TextColumn(LazySequence[str]):
     """Texts of a column of a large table.
 
     A million separate texts require about 60 MB. This class joins the texts to blocks, which
@@ -290,7 +291,7 @@ class TextColumn(Sequence[str]):
         """Append texts, joined to blocks of 50.
 
         The number of texts must be a multiple of 50, except in the last call, because
-        `__getitem__` computes the block from the index and all blocks before the last must be full.
+        `make` computes the block from the index and all blocks before the last must be full.
         """
         assert self._length % _CELLS_PER_BLOCK == 0  # all previous blocks are full
         for first in range(0, len(texts), _CELLS_PER_BLOCK):
@@ -300,16 +301,9 @@ class TextColumn(Sequence[str]):
     def __len__(self) -> int:
         return self._length
 
-    @overload
-    def __getitem__(self, index: int) -> str: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[str]: ...
-    def __getitem__(self, index: int | slice) -> str | list[str]:
-        """Return the text of the cell with an index, or the texts of a slice as a list."""
-        if isinstance(index, slice):
-            return [self[cell_index] for cell_index in range(len(self))[index]]
-        # Indexing a range converts a negative index, and raises IndexError as a list does.
-        block, cell = divmod(range(len(self))[index], _CELLS_PER_BLOCK)
+    def make(self, number: int) -> str:
+        """Return the text of a cell."""
+        block, cell = divmod(number, _CELLS_PER_BLOCK)
         # Successive accesses to a block split it only once. The tuple is replaced in a single
         # assignment, because several threads may read the column.
         split_block, cells = self._split

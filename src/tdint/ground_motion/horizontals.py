@@ -17,6 +17,7 @@ from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.events import is_same_event, parse_event
 from tdint.ground_motion.record import Record, component_names
+from tdint.items import grouped
 from tdint.number_parsing import abbreviate
 
 _VERTICAL = r"(?i)UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z"
@@ -517,13 +518,11 @@ def files_of_motions(
     UsageError
         No file matches the names.
     """
-    motions: dict[str, list[str]] = {}
     if names == USUAL:
         motion_of_file = motion_names(files)
     else:
         motion_of_file = [file if file == STDIN else names.motion(file) for file in files]
-    for file, motion in zip(files, motion_of_file, strict=True):
-        motions.setdefault(motion, []).append(file)
+    motions = grouped(zip(motion_of_file, files, strict=True))
     others = motions.pop("", [])  # the motion name of a file that matches no pattern is empty
     if files and not motions:
         listed = abbreviate(others, _MAX_LISTED_FILES)

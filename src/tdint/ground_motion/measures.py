@@ -22,6 +22,7 @@ import numpy as np
 from tdint.arrays import Array, bisect_interval, max_absolute
 from tdint.files import declared_rows
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
+from tdint.items import grouped
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -365,9 +366,8 @@ def _new_codes(records: Sequence[Record]) -> list[list[str]]:
     )
 
     components = [with_component(record, in_degrees=True).component for record in records]
-    by_motion: dict[str, list[int]] = {}
-    for index, name in enumerate(motion_names([record.source for record in records])):
-        by_motion.setdefault(name, []).append(index)
+    motions = motion_names([record.source for record in records])
+    by_motion = grouped((name, index) for index, name in enumerate(motions))
     codes: dict[int, list[str]] = {}
     numbers = count(1)
     for indices in by_motion.values():

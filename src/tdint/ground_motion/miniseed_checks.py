@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tdint.errors import RecordError
+from tdint.items import grouped
 
 # ---- Values stated in a file, and their comparison with the samples that were read
 
@@ -272,10 +273,7 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
         A record has no blockette 1000.
     """
     records = list(_data_records(data))
-    channels: dict[str, list[DataRecord]] = {}
-    for record in records:
-        if record.samples:
-            channels.setdefault(record.id, []).append(record)
+    channels = grouped((record.id, record) for record in records if record.samples)
     for name, members in channels.items():
         encodings = {record.encoding for record in members}
         if len(encodings) > 1:

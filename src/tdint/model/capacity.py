@@ -19,6 +19,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, UsageError
+from tdint.items import grouped
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
 from tdint.model.modes import solve_modes
 from tdint.model.story import Story
@@ -317,10 +318,8 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     )
     table.need("class", *_COORDINATE_COLUMNS)
     names = table.texts("class", empty=False)
-    points_by_class: dict[str, list[tuple[float, float]]] = {}
     coordinates = (table.numbers(column) for column in _COORDINATE_COLUMNS)
-    for name, displacement, acceleration in zip(names, *coordinates, strict=True):
-        points_by_class.setdefault(name, []).append((displacement, acceleration))
+    points_by_class = grouped(zip(names, zip(*coordinates, strict=True), strict=True))
     # A flag in any row of a class applies to the class.
     classes_with_flag = {
         flag: {name for name, is_set in zip(names, table.truths(flag), strict=True) if is_set}

@@ -14,6 +14,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
 
 from tdint.errors import UsageError, did_you_mean
+from tdint.items import grouped
 
 if TYPE_CHECKING:  # reading a model does not need numpy
     import numpy as np
@@ -332,9 +333,7 @@ def by_level(checks: Iterable[LimitCheck]) -> dict[str, list[LimitCheck]]:
 
     The first comparison of each group governs: it has the maximum ratio of demand to limit.
     """
-    checks_by_level: dict[str, list[LimitCheck]] = {}
-    for check in checks:
-        checks_by_level.setdefault(check.level, []).append(check)
+    checks_by_level = grouped((check.level, check) for check in checks)
 
     def rank(check: LimitCheck) -> tuple[bool, float]:
         """Return the sort key of a comparison. An unknown ratio (nan) precedes the maximum ratio,

@@ -17,6 +17,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import peak_warnings
+from tdint.items import grouped
 from tdint.kernels import layout as rows
 from tdint.model.building import (
     Building,
@@ -213,11 +214,12 @@ def _damped_attached_stories(model: Model) -> list[str]:
 
 def _law_warnings(model: Model) -> list[str]:
     """Return the warnings of the hysteretic laws, each with the stories that have the law."""
-    stories: dict[str, list[str]] = {}
-    for number, story in enumerate(model.stories, start=1):
-        for spring in story.springs:
-            if warning := LAWS[spring.law.name].warning(spring.stiffness, spring.law.parameters):
-                stories.setdefault(warning, []).append(str(number))
+    stories = grouped(
+        (warning, str(number))
+        for number, story in enumerate(model.stories, start=1)
+        for spring in story.springs
+        if (warning := LAWS[spring.law.name].warning(spring.stiffness, spring.law.parameters))
+    )
     return [f"{_listed(numbers)}: {warning}" for warning, numbers in stories.items()]
 
 

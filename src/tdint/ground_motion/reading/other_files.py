@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
+from tdint.items import grouped
 from tdint.number_parsing import abbreviate
 
 _START = 4096  # bytes; start of a file where its type is recognized
@@ -158,9 +159,7 @@ def has_data_suffix(name: str) -> bool:
 
 def unused_text(reasons: Mapping[str, str]) -> str:
     """Return the names of files that are not used, grouped by the reason, for a note."""
-    names: dict[str, list[str]] = {}
-    for name, reason in reasons.items():
-        names.setdefault(reason, []).append(name)
+    names = grouped((reason, name) for name, reason in reasons.items())
     return "; ".join(
         f"{abbreviate(listed, _MAX_NAMES)} ({reason})" for reason, listed in names.items()
     )

@@ -43,6 +43,7 @@ from tdint.ground_motion.record import (
     peak_warnings,
     station_of,
 )
+from tdint.items import grouped
 from tdint.number_parsing import SMALLEST, pluralize
 from tdint.units import parse_units
 
@@ -95,9 +96,7 @@ class _Channel(NamedTuple):
 
 def _group_by_channel(source: str, contents: Contents) -> list[_Channel]:
     """Group the traces by channel, in the order of the file."""
-    traces_by_id: dict[str, list[Any]] = {}
-    for trace in contents.traces:
-        traces_by_id.setdefault(trace.id, []).append(trace)
+    traces_by_id = grouped((trace.id, trace) for trace in contents.traces)
     return [_Channel(source, contents, id, tuple(traces)) for id, traces in traces_by_id.items()]
 
 

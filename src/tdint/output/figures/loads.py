@@ -9,11 +9,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.arrays import Array, max_absolute
+from tdint.items import grouped
 from tdint.output.figures.style import COLORS, DASHES, LIGHT, new_axes, scaled_unit, titled
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.model.definition import Excitation, LoadTable, Model, TableForce
+    from tdint.model.definition import Excitation, Model
 
 _MAX_LINES = 6
 """Maximum number of forces with a color and an entry in the legend. Further forces are gray."""
@@ -57,10 +58,10 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
         Forces; at least one force is a table.
     """
     # Equal forces, from the top of the building to its bottom.
-    groups: dict[tuple[LoadTable, int, float, float], list[TableForce]] = {}
-    for force in sorted(excitation.tables, key=lambda force: -force.floor):
-        same = (force.table, force.column, force.factor, force.start)
-        groups.setdefault(same, []).append(force)
+    groups = grouped(
+        ((force.table, force.column, force.factor, force.start), force)
+        for force in sorted(excitation.tables, key=lambda force: -force.floor)
+    )
     # The largest forces are the most important forces for the legend.
     peaks = {same: max_absolute(forces[0].values) for same, forces in groups.items()}
     largest = sorted(groups, key=lambda same: -peaks[same])[:_MAX_LINES]

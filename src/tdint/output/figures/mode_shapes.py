@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.model.building import period
@@ -27,6 +26,7 @@ from tdint.output.figures.style import (
     plain_numbers,
     psa_label,
     scaled_unit,
+    story_ticks,
     titled,
 )
 from tdint.output.spectrum_text import spectrum_text
@@ -70,7 +70,7 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
         marker = MARKERS[mode] if len(shapes) <= _MAX_MARKED_FLOORS else None
         plot_style = line_style(mode) | {"marker": marker, "markersize": 4.0}
         axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **plot_style)
-    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    story_ticks(axes)
     label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
     axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
 

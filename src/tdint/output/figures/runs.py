@@ -33,6 +33,7 @@ from tdint.output.figures.style import (
     new_panels,
     over_stories,
     scaled_unit,
+    story_ticks,
     titled,
     write_note,
 )
@@ -443,7 +444,7 @@ def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
 def _frame_profile(axes: Any, response: Response) -> None:
     """Set the limits and ticks of a panel with values of the stories over the height."""
     axes.set_ylim(0.5, response.stories.peak_drift.size + 0.5)
-    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    story_ticks(axes)
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
     axes.set_xlim(left=0.0)
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from tdint.errors import OutputError, UsageError, write_out_controls
+from tdint.items import grouped
 
 if TYPE_CHECKING:
     from tdint.ground_motion.reading.suites import GroundMotion
@@ -37,7 +38,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import (
+    FixedLocator,
+    FuncFormatter,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+)
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
@@ -810,10 +817,9 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
     """
     low, high = axes.get_xlim()
     # Buildings have a common line if their periods are printed as the same number.
-    groups: dict[str, list[tuple[str, float]]] = {}
-    for name, period in periods:
-        if low <= period <= high:
-            groups.setdefault(number_text(period), []).append((name, period))
+    groups = grouped(
+        (number_text(period), (name, period)) for name, period in periods if low <= period <= high
+    )
     if len(groups) > _MAX_PERIODS:
         values = [period for group in groups.values() for _, period in group]
         ends = f"{number_text(min(values))} to {number_text(max(values))} s"
@@ -889,9 +895,7 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
     paths, so many that the names differ.
     """
     names = {source: record_name(source) for source in sources}
-    sources_of_name: dict[str, list[str]] = {}
-    for source, name in names.items():
-        sources_of_name.setdefault(name, []).append(source)
+    sources_of_name = grouped((name, source) for source, name in names.items())
     for group in sources_of_name.values():
         for source in group if len(group) > 1 else ():
             # `count` increases until the last parts of the path differ from the last parts of
@@ -929,6 +933,11 @@ def drift_scale(heights: Array, units: OutputUnits) -> tuple[Any, str]:
     if np.isnan(heights).any():
         return 1.0 / units.unit("m")[1], f"drift ({units.label('m')})"
     return 100.0 / heights, "drift ratio (%)"
+
+
+def story_ticks(axes: Any) -> None:
+    """Label whole numbers of stories or floors on the vertical axis."""
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
 
 
 def plain_numbers(axis: Any) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint.model.definition import LoadTable, Model, TableForce
+from tdint.items import grouped
+from tdint.model.definition import Model, TableForce
 from tdint.number_parsing import pluralize
 
 _STEPS_PER_PERIOD = 50
@@ -50,9 +51,7 @@ def table_notes(model: Model, end: float) -> list[str]:
         End of the run, s.
     """
     notes = []
-    groups: dict[tuple[LoadTable, float], list[TableForce]] = {}
-    for force in model.excitation.tables:
-        groups.setdefault((force.table, force.start), []).append(force)
+    groups = grouped(((force.table, force.start), force) for force in model.excitation.tables)
     for members in groups.values():
         first, last = float(members[0].times[0]), float(members[0].times[-1])
         floors = sorted({force.floor for force in members if _ends_with_force(force)})

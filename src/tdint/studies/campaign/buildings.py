@@ -11,11 +11,12 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from tdint.items import LazySequence
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Excitation, Model, simple_model
 from tdint.model.limits import Limit
 from tdint.response.runs.batch import Subject
-from tdint.studies.regions.inventory import InventoryRow, InventoryRows, LazySequence, derive_row
+from tdint.studies.regions.inventory import InventoryRow, InventoryRows, derive_row
 from tdint.units import SI, OutputUnits
 
 

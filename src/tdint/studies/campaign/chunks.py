@@ -24,6 +24,7 @@ from tdint.errors import AnalysisError
 from tdint.ground_motion.axes import intensity_of, pga_of
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.record import Record
+from tdint.items import grouped
 from tdint.output.tables.devices import device_rows
 from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
 from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
@@ -293,9 +294,9 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
     different motions if possible. The motion of medium intensity is first, and the first run of
     each motion has its median scale factor.
     """
-    runs_by_motion: dict[int, list[Run]] = {}
-    for run in sorted(runs, key=lambda run: abs(run.scale)):
-        runs_by_motion.setdefault(run.motion, []).append(run)
+    runs_by_motion = grouped(
+        (run.motion, run) for run in sorted(runs, key=lambda run: abs(run.scale))
+    )
 
     def strongest_pga(motion: int) -> float:
         """Return the PGA of a motion at its maximum scale factor, m/s^2."""
@@ -629,10 +630,11 @@ def values_by_motion(
     values_at : callable
         Function that returns the values of a motion, by its number, at several periods.
     """
-    buildings_of_motion: dict[int, list[int]] = {}
-    for building, motions_of_building in enumerate(motions):
-        for motion in dict.fromkeys(motions_of_building):
-            buildings_of_motion.setdefault(motion, []).append(building)
+    buildings_of_motion = grouped(
+        (motion, building)
+        for building, motions_of_building in enumerate(motions)
+        for motion in dict.fromkeys(motions_of_building)
+    )
     result: list[dict[int, Item]] = [{} for _ in periods]
     for motion, buildings in buildings_of_motion.items():
         values = values_at(motion, [periods[building] for building in buildings])

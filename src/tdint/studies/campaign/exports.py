@@ -15,6 +15,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError, write_out_controls
+from tdint.items import grouped
 from tdint.number_parsing import pluralize
 from tdint.output.tables.runs import SAMPLE
 from tdint.output.tables.table import PARQUET, TEXT, Column, cell_text, describe
@@ -323,9 +324,7 @@ def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
     building had before the ground motion. Each list is in ascending order of the thresholds."""
     # The damage is nan for functions without initial damage. It is a text in the key, because nan
     # is not equal to nan.
-    groups: dict[tuple[str, str], list[Fragility]] = {}
-    for function in functions:
-        groups.setdefault((str(function.damage), function.type), []).append(function)
+    groups = grouped(((str(function.damage), function.type), function) for function in functions)
     return [sorted(group, key=lambda function: function.threshold) for group in groups.values()]
 
 

@@ -34,6 +34,7 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError, did_you_mean
 from tdint.fractiles import fractiles
 from tdint.ground_motion.horizontals import pair_name
+from tdint.items import grouped
 from tdint.model.limits import (
     LINK_DEFORMATION,
     LINK_FORCE,
@@ -415,9 +416,7 @@ class SuiteRules:
     def levels(self, rows: Iterable[SuiteRun], building: str = "") -> Iterator[SuiteLevel]:
         """Group runs of a building by intensity level, and yield the levels in ascending order of
         their magnitude (without sign). `building` is the name of the building."""
-        rows_of_level: dict[float | None, list[SuiteRun]] = defaultdict(list)
-        for row in rows:
-            rows_of_level[row[2]].append(row)
+        rows_of_level = grouped((row[2], row) for row in rows)
         for value in sorted(rows_of_level, key=lambda level: abs(level or 0.0)):
             runs, names, _, statuses = zip(*rows_of_level[value], strict=True)
             motion, run_outcome = (
@@ -740,9 +739,7 @@ def quotient(numerator: Array, denominator: Array) -> Array:
 def at_levels(profiles: Iterable[Profile]) -> list[list[Profile]]:
     """Group profiles by their level of intensity."""
     # The keys are texts, because scale or level may be NaN, which is not equal to NaN.
-    levels: dict[tuple[str, str], list[Profile]] = {}
-    for profile in profiles:
-        levels.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
+    levels = grouped(((repr(profile.scale), repr(profile.level)), profile) for profile in profiles)
     return list(levels.values())
 
 

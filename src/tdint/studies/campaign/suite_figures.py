@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
+from tdint.items import grouped
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.figures.floor_spectra import set_floor_axes
 from tdint.output.figures.style import (
@@ -31,6 +32,7 @@ from tdint.output.figures.style import (
     new_panels,
     record_name,
     scaled_unit,
+    story_ticks,
     titled,
 )
 from tdint.response.pairs import COMPLETED, MEAN, Run, outcomes_of, suite_text, with_outcomes
@@ -283,7 +285,7 @@ def _finish_row(
     )
     for panel in axes:
         panel.set_ylim(low + 0.5, max_stories + min(bases) + 0.5)
-        panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+        story_ticks(panel)
         panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
         panel.tick_params(labelleft=panel.get_subplotspec().is_first_col())
@@ -309,12 +311,12 @@ def floor_suite_picture(
         Names and first periods of the buildings, s, which are marked; none by default.
     """
     units = units.in_figures
-    panels: dict[tuple[object, ...], list[FloorSuite]] = {}
     lowest = min(suite.base for suite in suites)
-    for suite in suites:
-        # Suites with equal keys have a common panel. An unknown scale factor or level is nan.
-        key = (suite.place(lowest), repr(suite.scale), repr(suite.level), suite.damping)
-        panels.setdefault(key, []).append(suite)
+    # Suites with equal keys have a common panel. An unknown scale factor or level is nan.
+    panels = grouped(
+        ((suite.place(lowest), repr(suite.scale), repr(suite.level), suite.damping), suite)
+        for suite in suites
+    )
     shown = list(panels.values())[:_MAX_PANELS]
     height = 3.6 * math.ceil(len(shown) / 2) + 0.8
     figure, (grid,) = new_panels(7.0, (height, (1,) * len(shown)), share="y", columns=2)
@@ -382,7 +384,7 @@ def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
             _draw_motions(axes, drifts, line, plot_style, "largest", "run")
     axes.set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     axes.set_ylim(0.5, max(profile.height.size for profile in profiles) + 0.5)
-    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    story_ticks(axes)
     axes.set_xlim(left=0.0)
     axes.set_ylabel("story")
 
@@ -483,7 +485,7 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
         axes.errorbar(values, stories, xerr=error, **style)
         axes.axvline(0.0, color=INK, linewidth=0.8)
         axes.set_ylim(0.5, values.size + 0.5)
-        axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+        story_ticks(axes)
         axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
         axes.grid(axis="y", visible=False)
         unit = f"1e{power} SI units" if power else "SI units"

@@ -13,6 +13,7 @@ import numpy as np
 
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
+from tdint.items import grouped
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import number_text, pluralize, quoted_names
 from tdint.output import figures, report
@@ -505,9 +506,10 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
     """Return for each intensity level its unscaled records with their scale factors, smallest
     factors first. Levels that are equal for several buildings are returned once.
     """
-    levels: dict[tuple[int, float | None], list[tuple[int, float]]] = {}
-    for building, record, scale, _sample, _motion, level, *_ in store.runs():
-        levels.setdefault((building, level), []).append((record, scale))
+    levels = grouped(
+        ((building, level), (record, scale))
+        for building, record, scale, _sample, _motion, level, *_ in store.runs()
+    )
     ascending = sorted(levels, key=lambda key: (key[0], abs(key[1] or 0.0)))
     return [
         [(plan.motions[motion].record, scale) for motion, scale in level]

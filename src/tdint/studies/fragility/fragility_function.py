@@ -18,6 +18,7 @@ from scipy.special import expit, ndtr, ndtri, stdtrit
 from tdint.arrays import Array, immutable
 from tdint.errors import AnalysisError, UsageError
 from tdint.fractiles import RELIABLE
+from tdint.items import grouped
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.tabular import Described
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
@@ -741,11 +742,11 @@ def extrapolated(functions: Sequence[Fragility]) -> list[str]:
     Each reason for an extrapolation has one message, which lists the functions that the reason
     concerns.
     """
-    names_by_reason: dict[str, list[str]] = {}
-    for function in functions:
-        if function.extrapolated:
-            name = function.exceeded or "the threshold"
-            names_by_reason.setdefault(function.extrapolated, []).append(name)
+    names_by_reason = grouped(
+        (function.extrapolated, function.exceeded or "the threshold")
+        for function in functions
+        if function.extrapolated
+    )
     return [
         f"{reason} {abbreviate(names, _MOST_NAMES)}: the median is extrapolated"
         for reason, names in sorted(names_by_reason.items(), reverse=True)

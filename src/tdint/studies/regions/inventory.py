@@ -10,7 +10,6 @@ import hashlib
 import json
 import math
 import os
-from abc import abstractmethod
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import compress, islice
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, cached_property
 from tdint.csv_table import BLOCK, CsvTable, TextColumn, number, number_error, stream_table
 from tdint.errors import ModelError, ModelFault, UsageError
+from tdint.items import LazySequence
 from tdint.model import capacity, mdof_lu
 from tdint.model.building_rules import CAPACITY, RULES
 from tdint.model.definition import RayleighRatio
@@ -193,29 +193,6 @@ def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]
     return InventoryRows(table, np.flatnonzero(valid)), sorted(
         faults, key=lambda fault: (fault.line, fault.column)
     )
-
-
-Item = TypeVar("Item")
-
-
-class LazySequence(Sequence[Item]):
-    """Sequence of items that are created on access, because millions of items need much memory."""
-
-    @abstractmethod
-    def make(self, number: int) -> Item:
-        """Create the item with index `number`."""
-
-    @overload
-    def __getitem__(self, index: int) -> Item: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Item]: ...
-    def __getitem__(self, index: int | slice) -> Item | list[Item]:
-        """Create the item with an index, or a list of the items of a slice."""
-        # The range converts negative indices and slices.
-        selected = range(len(self))[index]
-        if isinstance(selected, int):
-            return self.make(selected)
-        return [self.make(number) for number in selected]
 
 
 @dataclass(frozen=True)

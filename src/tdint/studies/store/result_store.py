@@ -24,6 +24,7 @@ from tdint.files import digest_of, is_file
 from tdint.ground_motion.axes import intensity_of, pga_of
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.items import grouped
 from tdint.output.tables.runs import si_units_of
 from tdint.output.tables.table import Column, names
 from tdint.response.pairs import LARGER, PairRule, Run, recording_numbers
@@ -807,9 +808,9 @@ class Store:
         self, table: schema.RowTable, columns: str, building: int
     ) -> dict[Run, Array]:
         """Return the numbers in `rows_of_runs` by run, shape (rows of the run, columns)."""
-        rows: dict[Run, list[list[Any]]] = {}
-        for run, *values in self.rows_of_runs(table, columns, building):
-            rows.setdefault(run, []).append(values)
+        rows = grouped(
+            (run, values) for run, *values in self.rows_of_runs(table, columns, building)
+        )
         return {run: np.array(values, float) for run, values in rows.items()}
 
     def shown(self, table: schema.RowTable, columns: Iterable[Column]) -> Iterator[tuple[Any, ...]]:
