@@ -292,7 +292,7 @@ def columns():
         "tdint pushover": buildings.pushover(1),
         "tdint pushover --target": buildings.TARGET_DISPLACEMENT,
         "tdint compare": comparison.COMPARISON,
-        "spectra.csv of tdint compare": buildings.COMPARISON_SPECTRA,
+        "spectra.csv of tdint compare": comparison.COMPARISON_SPECTRA,
         "tdint inventory": buildings.INVENTORY,
         "tdint inventory --rules capacity": buildings.CLASS_COLUMNS,
         "tdint info": spectra.INFO,

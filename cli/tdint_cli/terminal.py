@@ -23,6 +23,7 @@ import click
 from tdint.errors import ModelError, OutputError, TdintError, abridged, write_out_controls
 from tdint.files import is_file, is_folder
 from tdint.ground_motion.missing import IncompleteRecord, Missing
+from tdint.items import grouped
 from tdint.number_parsing import abbreviate
 from tdint.response.defaults import NO_METHOD
 from tdint.system import set_nonblocking
@@ -142,10 +143,7 @@ def _combine_equal(texts: Sequence[str]) -> list[str]:
     Each text is `FILE: MESSAGE`, or a message without a file, which is not combined. The combined
     lines, `FILE, FILE and N more: MESSAGE`, follow after the other texts.
     """
-    files_of_message: dict[str, list[str]] = {}
-    for text in texts:
-        file, message = _file_and_message(text)
-        files_of_message.setdefault(message, []).append(file)
+    files_of_message = grouped(_file_and_message(text)[::-1] for text in texts)
     # A message without a file has an empty file name and is not combined.
     common_messages = {
         message: files

@@ -54,13 +54,13 @@ CHANGES = {
     "column": [
         (
             "tdint/assessment/tables.csv",
-            "overshoot,velocity,1,,velocity divided by the maximum of the exact velocity\n",
-            "overshoot,excess,1,beyond,displacement beyond the exact maximum\n",
+            "overshoot,velocity,1,velocity divided by the maximum of the exact velocity\n",
+            "overshoot,excess,1,displacement beyond the exact maximum\n",
         ),
         (
             "tdint/assessment/stability/stability.py",
             '    velocity_power: float\n    law: str = "linear"\n',
-            "\n    @property\n    def beyond(self) -> Array:\n"
+            "\n    @property\n    def excess(self) -> Array:\n"
             "        return abs(self.displacement) - 1.0\n",
         ),
     ],

@@ -18,7 +18,16 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.config.model_file import load_model
 from tdint.output import tables
 from tdint.output.tables import buildings, histories, methods, responses, spectra
-from tdint.output.tables.table import TEXT, Column, Table, cell_text, csv_bytes
+from tdint.output.tables.columns import ColumnFile
+from tdint.output.tables.table import (
+    TEXT,
+    Column,
+    Table,
+    cell_text,
+    csv_bytes,
+    numbered,
+    placeholder,
+)
 from tdint.response.runs.energy import ENERGY_TERMS
 from tdint.response.runs.history import EnergyHistory, History
 from tdint.response.runs.outcome import StoryPeaks
@@ -69,6 +78,29 @@ def test_rows_of_any_cells_are_written_as_their_texts():
     expected = [[cell_text(cell) for cell in row] for row in rows]
     assert list(csv.reader(io.StringIO(csv_bytes(rows).decode()))) == expected
     assert csv_bytes([[""], ["a;=b"], [-0.0]]) == b'""\n"a;=b"\n0\n'
+
+
+def test_values_of_columns_are_parts_of_the_result_that_a_placeholder_states(tmp_path):
+    """The default is the attribute with the name of the column without its unit, of the result or
+    of a part of it; a part that the result does not have is an empty cell."""
+    module = tmp_path / "tables.py"
+    module.with_suffix(".csv").write_text(
+        "table,name,unit,meaning\n"
+        "one,drift_m,m,drift\none,m,text,material\none,second_N,N,second force\none,story,1,story\n"
+    )
+    path = SimpleNamespace(drift=np.array([1.0, 2.0]), m="steel", forces=np.array([[3.0, 4.0]]))
+    test = placeholder()
+    columns = ColumnFile(str(module))(
+        "one", test.path, second_N=test.path.forces[0, :], story=numbered(test.path.drift)
+    )
+    assert [column.unit for column in columns] == ["m", "text", "N", "1"]
+    rows = Table.of_results(columns, [SimpleNamespace(path=path)]).rows
+    assert rows == [(1.0, "steel", 3.0, 1), (2.0, "steel", 4.0, 2)]
+    assert test.path.deeper.drift(SimpleNamespace(path=None)) is None
+    with pytest.raises(AttributeError, match="no attribute 'stroke'"):
+        test.path.stroke(SimpleNamespace(path=path))
+    plain = ColumnFile(str(module))("one", second_N="drift", story=numbered("drift", 0))
+    assert Table.of_results(plain, [path]).rows == [(1.0, "steel", 1.0, 0), (2.0, "steel", 2.0, 1)]
 
 
 def test_story_table():

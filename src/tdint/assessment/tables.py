@@ -8,22 +8,39 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.output.tables.columns import ColumnFile
 from tdint.output.tables.methods import _finite_or_nan, _limit_or_none, _without_commas
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, Cell, Column, Table, numbered
+from tdint.output.tables.table import (
+    DAMPING,
+    METHOD_SPEC,
+    Cell,
+    Column,
+    Table,
+    numbered,
+    placeholder,
+)
 from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.assessment.chart.performance_profiles import FieldChart
-    from tdint.assessment.chart.work_precision import Chart
+    from tdint.assessment.chart.work_precision import Chart, PerformanceProfile, Point
     from tdint.assessment.examples.paper_examples import ExampleRun
+    from tdint.assessment.failures.failures import Trial
+    from tdint.assessment.order.order import MethodCheck
+    from tdint.assessment.validation.validation import ValidationResult
 
 
 declared = ColumnFile(__file__)
 """Columns of `tables.csv`."""
 
+_check: MethodCheck = placeholder()
 DECLARATION = declared(
     "declaration",
-    stability_limit=_limit_or_none("integrator.stability_limit"),
-    measured_limit=_limit_or_none("limit"),
+    method=_check.integrator.label,
+    order=_check.integrator.order,
+    observed_order=_check.order,
+    stability_limit=_limit_or_none(_check.integrator.stability_limit),
+    measured_limit=_limit_or_none(_check.limit),
+    rho_inf=_check.integrator.rho_inf,
+    measured_rho_inf=_check.rho_inf,
     faults=lambda result: len(result.faults),
 )
 
@@ -60,10 +77,11 @@ ORDER = (
 )
 
 
+_trial: Trial = placeholder()
 FAILURE = (
     *declared("failure-1"),
     METHOD_SPEC,
-    *declared("failure-2", error_of=_without_commas("error_of")),
+    *declared("failure-2", end_s=_trial.time, error_of=_without_commas(_trial.error_of)),
 )
 
 
@@ -150,10 +168,12 @@ def _error(quantity: str) -> Callable[[Any], float]:
 
 (CHART_STORIES,) = declared("chart_stories")
 
+_point: Point = placeholder()
 CHART = (
     METHOD_SPEC,
     *declared(
         "chart",
+        time_min_s=_point.fastest,
         displacement_error=_error("displacement"),
         drift_error=_error("drift"),
         peak_drift_error=_error("peak_drift"),
@@ -192,13 +212,18 @@ def _within(factor: float, name: str = "") -> Column:
     )
 
 
+_profile: PerformanceProfile = placeholder()
 PROFILE = (
     *declared("profile-1"),
     METHOD_SPEC,
     *declared("profile-2"),
     _within(1.1, "cheapest"),
     *map(_within, (2.0, 5.0, 10.0)),
-    *declared("profile-3", median_ratio=lambda result: _finite_or_nan(result.median)),
+    *declared(
+        "profile-3",
+        median_ratio=lambda result: _finite_or_nan(result.median),
+        worst_ratio=_profile.worst,
+    ),
 )
 
 
@@ -208,11 +233,16 @@ def profile_table(chart: FieldChart) -> Table:
     return Table.of_results(PROFILE, chart.profiles)
 
 
+_validated: ValidationResult = placeholder()
 VALIDATION = declared(
     "validation",
-    what=_without_commas("case.title"),
-    source=_without_commas("case.source"),
+    case=_validated.case.name,
+    what=_without_commas(_validated.case.title),
+    source=_without_commas(_validated.case.source),
     numbers=lambda result: len(result.case.published),
-    unit=_without_commas("case.unit"),
-    difference_is=_without_commas("case.difference_is"),
+    unit=_without_commas(_validated.case.unit),
+    relative=_validated.case.relative,
+    largest_difference=_validated.largest,
+    tolerance=_validated.case.tolerance,
+    difference_is=_without_commas(_validated.case.difference_is),
 )

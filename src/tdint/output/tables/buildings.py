@@ -18,53 +18,82 @@ from tdint.model.story import Story, column_name
 from tdint.model.story_laws import Law, default_numbers, named_parameters
 from tdint.output.tables.columns import declared
 from tdint.output.tables.table import (
-    FLOOR,
     METHOD_SPEC,
-    PERIOD,
     TEXT,
     Cell,
     Column,
     Table,
-    elements_of,
     numbered,
+    placeholder,
 )
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    from tdint.model.capacity import CapacityBuilding
     from tdint.model.definition import Model
+    from tdint.model.mdof_lu import DerivedBuilding
     from tdint.model.modes import ComplexModes, Modes
+    from tdint.response.overview import Overview
+    from tdint.response.spectra.modal import ModalResponse
+    from tdint.response.static.cyclic import CyclicTest
     from tdint.response.static.pushover import Pushover
+    from tdint.response.static.target_displacement import TargetDisplacement
 
+_test: CyclicTest = placeholder()
 CYCLIC = declared(
     "buildings.cyclic",
-    step=numbered("path.drift", 0),
+    _test.path,
+    story=_test.story,
+    step=numbered(_test.path.drift, 0),
+    cycle=_test.cycle_numbers,
+    shear_with_p_delta_N=_test.shear_with_p_delta,
+    tangent_stiffness_N_m=_test.path.tangent,
     drift_ratio=lambda test: test.path.drift / test.height,
 )
 
 
-(_SHEAR_BEAM,) = declared("buildings.shear_beam")
-_STORIES_COLUMNS = declared("buildings.stories_columns", story=numbered("building.mass"))
+_building: DerivedBuilding = placeholder().building
+_capacity: CapacityBuilding = placeholder().building
+(_SHEAR_BEAM,) = declared("buildings.shear_beam", period_shear_beam_s=_building.period)
+_STORIES_COLUMNS = declared("buildings.stories_columns", _building, story=numbered(_building.mass))
 INVENTORY = (
-    *declared("buildings.inventory-1"),
+    *declared(
+        "buildings.inventory-1",
+        _building,
+        id=placeholder().row.id,
+        hazus_type=_building.type,
+        period_rule_s=_building.rule_period,
+    ),
     _SHEAR_BEAM,
     *_STORIES_COLUMNS,
-    *declared("buildings.inventory-2"),
+    *declared("buildings.inventory-2", _building, unloading_exponent=_building.unloading),
 )
 CLASS_COLUMNS = (
     INVENTORY[0],
-    *declared("buildings.class_columns"),
+    *declared(
+        "buildings.class_columns",
+        **{"class": _capacity.name, "period_curve_s": _capacity.curve_period},
+    ),
     _SHEAR_BEAM,
-    Column.named("building.participation", "roof displacement divided by spectral displacement"),
+    Column(
+        "participation",
+        "1",
+        _capacity.participation,
+        "roof displacement divided by spectral displacement",
+    ),
     *_STORIES_COLUMNS,
     *(
         Column(
             f"{name}_{point + 1}_{unit}",
             unit,
-            elements_of(f"building.{attribute}", np.s_[:, point]),
+            values[:, point],
             f"{name} of point {point + 1} of the backbone",
         )
         for point in range(4)
-        for name, unit, attribute in (("drift", "m", "drifts"), ("force", "N", "forces"))
+        for name, unit, values in (
+            ("drift", "m", _capacity.drifts),
+            ("force", "N", _capacity.forces),
+        )
     ),
 )
 """Columns of buildings with capacity curves."""
@@ -83,7 +112,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
             Column(
                 f"story_{i + 1}_drift_m",
                 "m",
-                elements_of("drift", np.s_[:, i]),
+                placeholder().drift[:, i],
                 "drift: displacement relative to the floor below",
             )
             for i in range(stories)
@@ -100,11 +129,17 @@ ELEMENT_EVENTS = declared("buildings.element_events")
 """Changes of stiffness of the elements of stories with several elements in a pushover."""
 
 
+_target: TargetDisplacement = placeholder()
 TARGET_DISPLACEMENT = declared("buildings.target_displacement", story=numbered("drift"))
 TARGET_OF_BUILDING = (
     TARGET_DISPLACEMENT[0],
     *declared(
-        "buildings.target_of_building", c1=elements_of("factors", 0), c2=elements_of("factors", 1)
+        "buildings.target_of_building",
+        sa_m_s2=_target.spectral_acceleration,
+        c1=_target.factors[0],
+        c2=_target.factors[1],
+        a=_target.site_factor,
+        mu_max=_target.largest_ratio,
     ),
 )
 
@@ -113,6 +148,7 @@ _COMBINED = (
     ("srss", "square root of the sum of squares"),
     ("cqc", "complete quadratic combination"),
 )
+_modal: ModalResponse = placeholder()
 MODAL_RESPONSE = (
     Column("story", "1", numbered("drift_cqc"), "story, numbered from the ground"),
     *(
@@ -136,11 +172,17 @@ MODAL_RESPONSE = (
         )
         for rule, text in _COMBINED
     ),
-    *declared("buildings.modal_response-2"),
+    *declared(
+        "buildings.modal_response-2",
+        absolute_acceleration_cqc_m_s2=_modal.acceleration_cqc,
+        floor_force_cqc_N=_modal.force_cqc,
+        overturning_moment_cqc_Nm=_modal.moment_cqc,
+    ),
 )
 MODAL_SHARE = declared(
     "buildings.modal_share",
     mode=numbered("period"),
+    sa_m_s2=_modal.spectral_acceleration,
     base_shear_share=lambda result: result.base_shear**2 / np.sum(result.base_shear**2),
 )
 
@@ -151,16 +193,26 @@ def _finite(values: Any) -> Any:
     return np.where(np.isfinite(values), values, np.nan)
 
 
+_overview: Overview = placeholder()
 OVERVIEW = (
     *declared(
         "buildings.overview",
+        model=_overview.model.source,
+        name=_overview.model.name,
         t1_s=lambda overview: float(_finite(overview.period)),
         t1_damping=lambda overview: float(_finite(overview.damping)),
     ),
     METHOD_SPEC,
     Column.named("record", "file of the ground motion", TEXT),
 )
-OVERVIEW_WITH_DAMPERS = (*OVERVIEW, *declared("buildings.overview_with_dampers"))
+OVERVIEW_WITH_DAMPERS = (
+    *OVERVIEW,
+    *declared(
+        "buildings.overview_with_dampers",
+        complex_t1_s=_overview.complex_period,
+        complex_t1_damping=_overview.complex_damping,
+    ),
+)
 """Columns of the overview of models if at least one model has dampers."""
 
 MODE = declared(
@@ -181,11 +233,13 @@ def mode_damping(ratios: Any) -> Column:
     )
 
 
-COMPLEX_MODE = declared("buildings.complex_mode")
+_complex: ComplexModes = placeholder()
+COMPLEX_MODE = declared(
+    "buildings.complex_mode",
+    complex_period_s=_complex.natural_period,
+    complex_damping=_complex.damping,
+)
 """Columns of the modes of a building with dampers (`tdint.model.modes.ComplexModes`)."""
-
-
-COMPARISON_SPECTRA = (FLOOR, PERIOD, *declared("buildings.comparison_spectra"))
 
 
 MODEL = declared(

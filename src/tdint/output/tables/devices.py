@@ -50,16 +50,16 @@ LINK_COLUMNS = tuple(
 )
 LINK_ERROR = error_columns(LINK_COLUMNS)
 ENERGY = declared("devices.energy")
-INERTER = declared("devices.inerter")
+INERTER = declared("devices.inerter", peak_inerter_force_N="inerter_force")
 ENERGY_ERROR, INERTER_ERROR = (
-    tuple(column._replace(value=f"{column.value}_error") for column in error_columns(columns))
-    for columns in (ENERGY, INERTER)
+    tuple(column._replace(value=f"{quantity}_error") for column in error_columns(columns))
+    for columns, quantity in ((ENERGY, "dissipated_energy"), (INERTER, "inerter_force"))
 )
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),
     Column.named("floor", "floor on which it stands, numbered from the ground (0), or row"),
 )
-LINK_NAMES = declared("devices.link_names")
+LINK_NAMES = declared("devices.link_names", **{"link": "name", "from": "start", "to": "end"})
 
 CONTACT_COLUMNS = (
     LINK_NAMES[0]._replace(value="link", meaning="name of a link with stops"),
@@ -134,18 +134,18 @@ def device_columns(devices: DevicePeaks) -> list[Column]:
     them. The motions of links, which have no mass, are nan."""
     has_mass = np.arange(len(devices.stories.peak_drift)) < len(devices.attachments)
 
-    def of(part: str, column: Column) -> Column:
+    def of(part: Any, column: Column) -> Column:
         """Return the column of a quantity of the peaks (`stories`) or of their errors."""
-        values = Column.named(f"{part}.{column.value}", "").of(devices)
+        values = column.of(part)
         is_known = has_mass | (column.value in _OF_LINKS)
         return column._replace(value=np.where(is_known, values, math.nan))
 
     names = [*devices.attachments, *devices.links]
     columns = [Column("device", "text", lambda _: names, "name of the attachment or link")]
-    columns += [of("stories", column) for column in ATTACHMENT_COLUMNS]
+    columns += [of(devices.stories, column) for column in ATTACHMENT_COLUMNS]
     columns += ENERGY
     if devices.errors is not None:
-        columns += [of("errors", column) for column in ATTACHMENT_ERROR]
+        columns += [of(devices.errors, column) for column in ATTACHMENT_ERROR]
         columns += ENERGY_ERROR
     if devices.inerter_force is not None:
         columns += (*INERTER, *(INERTER_ERROR if devices.errors else ()))

@@ -5,8 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tdint.output.tables.columns import declared
-from tdint.output.tables.table import TEXT, Cell, Column, Table, describe, error_columns, numbered
-from tdint.response.runs.outcome import Response
+from tdint.output.tables.table import (
+    TEXT,
+    Cell,
+    Column,
+    Table,
+    describe,
+    error_columns,
+    numbered,
+    placeholder,
+)
+from tdint.response.runs.outcome import Response, Resultants
 from tdint.units import suffix
 
 DIRECTION = Column.named("direction", "x, y, or resultant of both directions", TEXT)
@@ -30,24 +39,26 @@ _ATTRIBUTES = {
 }
 """Part of the name, unit (empty: that of the quantity) and meaning of each column of a quantity."""
 
+_resultants: Resultants = placeholder()
 _COLUMNS = [
     Column(
         f"{quantity}_{name}{suffix(unit or own_unit)}",
         unit or own_unit,
-        f"{quantity}.{attribute}",
+        getattr(getattr(_resultants, quantity), attribute),
         meaning.format(text),
     )
     for quantity, (own_unit, text) in _QUANTITIES.items()
     for attribute, (name, unit, meaning) in _ATTRIBUTES.items()
 ]
-_RESULTANTS = [column for column in _COLUMNS if str(column.value).endswith(".value")]
 RESULTANT_COLUMNS = (
-    *declared("directions.resultant_columns", story=numbered("drift.value")),
+    *declared("directions.resultant_columns", story=numbered(_resultants.drift.value)),
     *_COLUMNS,
 )
 RESULTANT_ERROR = tuple(
-    column._replace(value=str(column.value).replace(".value", ".error"))
-    for column in error_columns(_RESULTANTS)
+    column._replace(value=getattr(_resultants, quantity).error)
+    for column, quantity in zip(
+        error_columns(_COLUMNS[:: len(_ATTRIBUTES)]), _QUANTITIES, strict=True
+    )
 )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdint.output.tables.columns import declared
 from tdint.output.tables.devices import history_groups as device_groups
-from tdint.output.tables.table import Column
+from tdint.output.tables.table import Column, placeholder
 from tdint.response.runs.energy import ENERGY_TERMS
 from tdint.response.runs.history import DeviceHistory, ErrorHistory, History
 from tdint.units import SI, OutputUnits, quantities
@@ -26,18 +26,22 @@ HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
     )
     for location in ("ground", "floor", "story")
 )
+_history: History = placeholder()
 HISTORY_ENERGY = (
     *(
-        Column(f"energy_{name}_J", "J", f"energy.{name}", meaning)
+        Column(f"energy_{name}_J", "J", getattr(_history.energy, name), meaning)
         for name, meaning in ENERGY_TERMS.items()
     ),
-    *declared("histories.history_energy"),
+    *declared("histories.history_energy", energy_error=_history.energy.error),
 )
 
 HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
     tuple(
         Column(
-            f"{quantity.column}_error", quantity.unit, f"error.{quantity.name}", quantity.meaning
+            f"{quantity.column}_error",
+            quantity.unit,
+            getattr(_history.error, quantity.name),
+            quantity.meaning,
         )
         for quantity in quantities(ErrorHistory)
         if quantity.shown == (location,)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from operator import attrgetter
 from typing import Any
 
 from tdint.methods.method import Integrator
 from tdint.methods.publications import references_of
 from tdint.output.tables.columns import declared
-from tdint.output.tables.table import cell_text
+from tdint.output.tables.table import cell_text, placeholder
 
 
-def _without_commas(name: str) -> Callable[[Any], str]:
-    """Return a function of a result, which returns the attribute `name` as text with semicolons
-    instead of commas, because commas could be taken for separators of cells."""
-    return lambda result: str(attrgetter(name)(result)).replace(",", ";")
+def _without_commas(part: Any) -> Callable[[Any], str]:
+    """Return a function of a result, which returns a part of it as text with semicolons instead of
+    commas, because commas could be taken for separators of cells."""
+    return lambda result: str(part(result)).replace(",", ";")
 
 
 def _finite_or_nan(value: float) -> float:
@@ -24,12 +23,12 @@ def _finite_or_nan(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _limit_or_none(name: str) -> Callable[[Any], float | str]:
-    """Return a function of a result, which returns the limit in the attribute `name`, or the text
-    `none` if it is infinite."""
+def _limit_or_none(part: Any) -> Callable[[Any], float | str]:
+    """Return a function of a result, which returns a part of it, a limit, or the text `none` if it
+    is infinite."""
 
     def value(result: Any) -> float | str:
-        limit: float = attrgetter(name)(result)
+        limit: float = part(result)
         return "none" if math.isinf(limit) else limit
 
     return value
@@ -56,11 +55,14 @@ def _publications(name: str) -> Callable[[Integrator], str]:
     return value
 
 
+_integrator: Integrator = placeholder()
 METHOD = declared(
     "methods.method",
+    name=_integrator.method.name,
+    family=_integrator.family.name,
     parameters=_parameter_texts,
-    stability_limit=_limit_or_none("stability_limit"),
-    source=_without_commas("method.source"),
+    stability_limit=_limit_or_none(_integrator.stability_limit),
+    source=_without_commas(_integrator.method.source),
     reference=_publications("text"),
     doi=_publications("doi"),
 )

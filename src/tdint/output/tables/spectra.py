@@ -24,8 +24,9 @@ from tdint.ground_motion.measures import (
     spectrum_intensity,
 )
 from tdint.ground_motion.record import Record, named_components
+from tdint.items import grouped
 from tdint.output.tables.columns import declared
-from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, Table, columns_of, elements_of
+from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, Table, columns_of, placeholder
 from tdint.response.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.tabular import Tabular
 from tdint.units import suffix
@@ -44,15 +45,24 @@ def _measure_column(name: str) -> Column:
     return Column(head, intensity.unit, lambda info: info.measures.value(name), intensity.meaning)
 
 
+_info: RecordInfo = placeholder()
 INFO = (
     *RECORD_COLUMNS,
     *declared(
         "spectra.info-1",
+        _info.record,
+        samples=_info.record.acceleration.size,
         id=lambda info: info.record.id if info.record.id.strip(".") else "",
         units=lambda info: f"{info.record.units} ({info.record.units_from})",
     ),
     *map(_measure_column, BUILTIN_MEASURES),
-    *declared("spectra.info-2", notes=lambda info: "; ".join(info.notes)),
+    *declared(
+        "spectra.info-2",
+        _info.measures,
+        housner_intensity_m=_info.housner_intensity,
+        predominant_period_s=_info.predominant_period,
+        notes=lambda info: "; ".join(info.notes),
+    ),
 )
 
 MOTION = (*RECORD_COLUMNS, *declared("spectra.motion"))
@@ -75,9 +85,10 @@ def ground_table(record: Record) -> Table:
     return Table.of_results(GROUND, [SimpleNamespace(**attributes)])
 
 
+_rotated: RotatedSpectrum = placeholder()
 MOTION_COLUMNS = (
-    Column("record", "text", "motion.source", "file of the first component"),
-    Column.named("motion.component", "both components", "text"),
+    Column("record", "text", _rotated.motion.source, "file of the first component"),
+    Column("component", "text", _rotated.motion.component, "both components"),
 )
 """First columns of tables over pairs of components."""
 
@@ -107,7 +118,11 @@ def difference(published: str) -> tuple[Column, ...]:
     )
 
 
-ROTATED_END = declared("spectra.rotated_end")
+ROTATED_END = declared(
+    "spectra.rotated_end",
+    geometric_mean_psa_m_s2=_rotated.geometric_mean,
+    rotd100_angle_deg=_rotated.angle,
+)
 
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
@@ -123,7 +138,7 @@ def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
         Column(
             f"rotd{percentile:02d}_psa_m_s2",
             "m/s^2",
-            elements_of("psa", row),
+            _rotated.psa[row],
             f"pseudo-acceleration, percentile {percentile} over all directions",
         )
         for row, percentile in enumerate(percentiles)
@@ -299,9 +314,7 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
     listed only with the first component.
     """
     rows = list(infos)
-    by_file: dict[str, list[RecordInfo]] = {}
-    for info in rows:
-        by_file.setdefault(info.record.source, []).append(info)
+    by_file = grouped((info.record.source, info) for info in rows)
     listed = []
     for info in rows:
         first, *others = by_file[info.record.source]
@@ -366,10 +379,6 @@ def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] 
     return Table.of_results(columns, spectra)
 
 
-FLOOR_SUITE_COLUMNS = declared("spectra.floor_suite_columns")
-"""Columns of floor spectra over the ground motions, after floor, damping and period."""
-
-
 def motion_table(records: Sequence[Record]) -> Table:
     """Return the table of the sampling, scale factor and peak of ground motions, one row per
     record."""
@@ -389,7 +398,7 @@ _MATCH_ORIGIN = (
         lambda record: f"{Path(record.origin.seed).name} {record.origin.seed_component}".rstrip(),
         "file and component of the seed",
     ),
-    Column("seed_factor", "1", "origin.factor", "scale factor of the seed"),
+    Column("seed_factor", "1", placeholder().origin.factor, "scale factor of the seed"),
     *(
         Column(name, "%", _percent(name), meaning)
         for name, meaning in (

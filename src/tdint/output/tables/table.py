@@ -4,8 +4,9 @@ CSV files are UTF-8 with LF line ends and a header. Numbers have 12 significant 
 true or false, and a missing value is an empty cell.
 
 Every column is declared one time, with its name, unit, value and meaning: in `columns.csv` of its
-package (`tdint.output.tables.columns`), or in the module of its subject if one of them depends on
-other values. The name ends with the suffix of the unit (`tdint.units.suffix`). Names of absolute
+package, with a value that follows from the name or that the module of the table states
+(`tdint.output.tables.columns`), or in the module of its subject if one of them depends on other
+values. The name ends with the suffix of the unit (`tdint.units.suffix`). Names of absolute
 quantities contain "absolute"; all other quantities are relative to the ground or to the floor
 below. The estimated error of a column is called `<column>_error`.
 """
@@ -19,12 +20,10 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain, repeat
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tdint.arrays import Array
 from tdint.errors import write_out_controls
 from tdint.tabular import import_optional
 from tdint.units import SI, OutputUnits, Quantity, quantities, suffix
@@ -49,23 +48,23 @@ class Column(NamedTuple):
     unit : str
         SI unit; 1 for a dimensionless number, `text` for text.
     value : str, callable or ndarray
-        Source of the cells: the attribute of a result (dots select attributes of attributes), a
-        function of the result, or the cells. An array gives one cell per row; any other
-        value applies to all rows of the result.
+        Source of the cells: the name of an attribute of the result, a function of the result, or
+        the cells. An array gives one cell per row; any other value applies to all rows of the
+        result.
     meaning : str
         Description for users.
     """
 
     name: str
     unit: str
-    value: str | Callable[[Any], Any] | Array
+    value: Any
     meaning: str
 
     @classmethod
     def named(cls, attribute: str, meaning: str, unit: str = "1") -> Column:
-        """Return the column of an attribute of a result. Its name is the name of the attribute (the
-        part after the last dot) with the suffix of the unit."""
-        return cls(f"{attribute.rpartition('.')[2]}{suffix(unit)}", unit, attribute, meaning)
+        """Return the column of an attribute of a result. Its name is the name of the attribute with
+        the suffix of the unit."""
+        return cls(f"{attribute}{suffix(unit)}", unit, attribute, meaning)
 
     @classmethod
     def of_quantity(cls, quantity: Quantity) -> Column:
@@ -77,7 +76,7 @@ class Column(NamedTuple):
         single value that applies to all rows of the result."""
         if isinstance(self.value, np.ndarray):
             return self.value
-        return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
+        return self.value(result) if callable(self.value) else getattr(result, self.value)
 
 
 def columns_of(result_class: type, *additional: str) -> tuple[Column, ...]:
@@ -96,16 +95,38 @@ def columns_of(result_class: type, *additional: str) -> tuple[Column, ...]:
     )
 
 
-def elements_of(name: str, index: Any) -> Callable[[Any], Any]:
-    """Return a function of a result, which returns `attribute[index]` for the attribute `name` of
-    the result, for example a column of an array."""
-    return lambda result: attrgetter(name)(result)[index]
+class _Path:
+    """Function of a result, which returns a part of it; None if the result does not have this part.
+    The attributes and elements of a path are paths as well."""
+
+    def __init__(self, part_of: Callable[[Any], Any]) -> None:
+        self._part_of = part_of
+
+    def __call__(self, result: Any) -> Any:
+        return self._part_of(result)
+
+    def __getattr__(self, name: str) -> _Path:
+        return _Path(lambda result: None if (part := self(result)) is None else getattr(part, name))
+
+    def __getitem__(self, index: Any) -> _Path:
+        return _Path(lambda result: self(result)[index])
 
 
-def numbered(name: str, first: int = 1) -> Callable[[Any], Any]:
+def placeholder() -> Any:
+    """Return a placeholder for a result in the declarations of columns.
+
+    Its attributes and their elements are functions of a result, which return these parts: after
+    `test: CyclicTest = placeholder()`, `test.path.drift` is the value of a column. Type checkers
+    read it as an attribute of the class in the annotation.
+    """
+    return _Path(lambda result: result)
+
+
+def numbered(values: Any, first: int = 1) -> Callable[[Any], Any]:
     """Return a function of a result, which returns consecutive numbers from `first`, one for each
-    element of the attribute `name` of the result."""
-    return lambda result: np.arange(first, len(attrgetter(name)(result)) + first)
+    element of `values`, the name of an attribute or a function of the result."""
+    column = Column("", "1", values, "")
+    return lambda result: np.arange(first, len(column.of(result)) + first)
 
 
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
@@ -432,8 +453,8 @@ def _csv_cell(value: Cell) -> str:
 
 
 RECORD_COLUMNS = (
-    Column("record", "text", "record.source", "file of the record"),
-    Column.named("record.component", "component of the record", TEXT),
+    Column("record", "text", placeholder().record.source, "file of the record"),
+    Column("component", "text", placeholder().record.component, "component of the record"),
 )
 """First columns of tables over records. The components of several records are named together."""
 

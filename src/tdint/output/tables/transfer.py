@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tdint.model.story import column_name
 from tdint.output.tables.columns import declared
-from tdint.output.tables.table import Column, Table, elements_of
+from tdint.output.tables.table import Column, Table, placeholder
 from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.response.spectra.transfer import TransferFunction
+
+_transfer: TransferFunction = placeholder()
 
 
 def transfer_columns(labels: Sequence[int | str], source: str | int) -> tuple[Column, ...]:
@@ -32,13 +32,13 @@ def transfer_columns(labels: Sequence[int | str], source: str | int) -> tuple[Co
                 Column(
                     f"{name}_amplitude{suffix(unit)}",
                     unit,
-                    elements_of("amplitude", np.s_[:, i]),
+                    _transfer.amplitude[:, i],
                     f"amplitude of the floor: {meaning}",
                 ),
                 Column(
                     f"{name}_phase_deg",
                     "degree",
-                    elements_of("phase", np.s_[:, i]),
+                    _transfer.phase[:, i],
                     "phase of the floor, negative for a delay",
                 ),
             )

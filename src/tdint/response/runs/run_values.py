@@ -1,7 +1,6 @@
 """Values of runs, for `Runs.to_dict`, runs.csv and the store of a campaign."""
 
 from collections.abc import Callable
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -16,19 +15,32 @@ HIDDEN: tuple[str, ...] = ()
 """Value of `shown` for a quantity that only the store contains."""
 
 
-def _drift_story(largest: Any) -> Any:
+def _drift_story(largest: Demands[Any]) -> Any:
     """Return the story of the largest drift ratio, or without heights of the largest drift."""
     ratio, drift = largest.drift_ratio.location, largest.drift.location
     return np.where(ratio > 0, ratio, drift)
 
 
+_VALUES: dict[str, Callable[[Demands[Any]], Any]] = {
+    "peak_drift_ratio": lambda largest: largest.drift_ratio.value,
+    "peak_drift_story": _drift_story,
+    "peak_drift": lambda largest: largest.drift.value,
+    "peak_isolator_displacement": lambda largest: largest.isolator_displacement.value,
+    "residual_drift_ratio": lambda largest: largest.residual_drift_ratio.value,
+    "peak_absolute_acceleration": lambda largest: largest.peak_absolute_acceleration.value,
+    "peak_acceleration_floor": lambda largest: largest.peak_absolute_acceleration.location,
+    "peak_roof_displacement": lambda largest: largest.roof_displacement.value,
+    "peak_base_shear": lambda largest: largest.base_shear.value,
+}
+"""Values of the quantities that are computed from the demands."""
+
+
 def _quantity(row: dict[str, str]) -> Quantity:
     """Return the quantity of a row of `run_values.csv`."""
-    value: Callable[..., Any] | None = attrgetter(row["demand"]) if row["demand"] else None
     return Quantity(
         row["unit"],
         row["meaning"],
-        _drift_story if row["name"] == "peak_drift_story" else value,
+        _VALUES.get(row["name"]),
         shown=HIDDEN if row["hidden"] else Quantity.shown,
         name=row["name"],
         value_type={"float": float, "int": int, "str": str}[row["type"]],

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 
 from tdint.output.tables.runs import BUILDING_COLUMNS, RUN_ERRORS, RUNS, SAMPLE, varied_columns
-from tdint.output.tables.spectra import FLOOR_SUITE_COLUMNS, SPECTRUM
+from tdint.output.tables.spectra import SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
     FLOOR,
@@ -27,6 +27,7 @@ from tdint.output.tables.table import (
     csv_bytes,
     error_columns,
     names,
+    placeholder,
     rows_of,
 )
 from tdint.response.runs.outcome import STORY_QUANTITIES
@@ -35,6 +36,7 @@ from tdint.studies.campaign.story_profiles import (
     Profile,
     Ratios,
     SpectraOfRuns,
+    SuiteLevel,
     level_measure,
     profiles,
 )
@@ -48,7 +50,8 @@ EVENT = Column.named("event", "event of a ground motion field", TEXT)
 
 
 (LEVEL,) = declared("campaign.level")
-COUNTS = declared("campaign.counts")
+_level: SuiteLevel = placeholder()
+COUNTS = declared("campaign.counts", _level.counts, runs=_level.counts.motions)
 
 PROFILES = (BUILDING_COLUMNS[0], *declared("campaign.profiles"), *COUNTS)
 """Columns of profiles.csv."""
@@ -58,12 +61,21 @@ PROFILE_ERRORS = tuple(
 )
 """Additional columns of a campaign with error estimates."""
 
-FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *COUNTS)
+_suite: FloorSuite = placeholder()
+FLOOR_SUITES = (
+    *PROFILES[:2],
+    FLOOR,
+    DAMPING,
+    PERIOD,
+    *declared("campaign.floors", mean_psa_m_s2=_suite.mean, max_psa_m_s2=_suite.envelope),
+    *COUNTS,
+)
 """Columns of floor-spectra-mean.csv."""
 
+_item: Ratios = placeholder()
 RATIOS = (
-    BUILDING_COLUMNS[0]._replace(value="compared.building"),
-    Column("baseline", TEXT, "base.building", "name of the baseline building"),
+    BUILDING_COLUMNS[0]._replace(value=_item.compared.building),
+    Column("baseline", TEXT, _item.base.building, "name of the baseline building"),
     PROFILES[1],
     Column(
         "quantity",
@@ -73,6 +85,13 @@ RATIOS = (
     ),
     *declared(
         "campaign.ratios",
+        _item.compared.counts,
+        mean_ratio=_item.ratios.mean,
+        median_ratio=_item.ratios.median,
+        max_ratio=_item.ratios.max,
+        motions=_item.ratios.motions,
+        baseline_collapsed=_item.base.counts.collapsed,
+        baseline_failed=_item.base.counts.failed,
         story=lambda item: np.array([None, *range(1, item.ratios.mean.size)], dtype=object),
     ),
 )
@@ -83,11 +102,12 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
     """Return the columns of the table of a report with a row for each building."""
     drift, drift_unit = ("drift", "m") if by_length else ("drift_ratio", "1")
     end = "_m" if by_length else ""
+    profile: Profile = placeholder().profile
     return [
-        Column("building", TEXT, "profile.building", ""),
-        *([Column("level", TEXT, "profile.level_text", "")] if has_levels else []),
+        Column("building", TEXT, profile.building, ""),
+        *([Column("level", TEXT, profile.level_text, "")] if has_levels else []),
         Column.named("collapses", "", TEXT),
-        Column("motions", "1", "profile.counts.completed", ""),
+        Column("motions", "1", profile.counts.completed, ""),
         Column(f"mean_{drift}{end}", drift_unit, "mean_drift", ""),
         Column(f"largest_{drift}{end}", drift_unit, "largest_drift", ""),
         *(

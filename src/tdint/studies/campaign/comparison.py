@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.items import grouped
 from tdint.number_parsing import number_text, pluralize, quoted_names
 from tdint.output.page import Part
 from tdint.output.tables.table import Table
@@ -156,7 +157,7 @@ def comparison_parts(
     else:
         omitted |= {"median", "p16", "p84"}
     columns = variant_columns(has_levels=len(levels) > 1, by_length=by_length)
-    columns = [column for column in columns if not {column.name, column.value} & omitted]
+    columns = [column for column in columns if not {column.name, str(column.value)} & omitted]
     table = Table.of_results(columns, rows[:_MAX_VARIANT_ROWS])
     explanation = (
         "Means are over the motions that each building completes, in the story or "
@@ -301,9 +302,7 @@ def _variations_text(
         building.name: building.name.removesuffix(building.label).removesuffix(": ")
         for building in plan.buildings
     }
-    groups: dict[str, list[_Variant]] = defaultdict(list)
-    for variant in variants:
-        groups[bases[variant.profile.building]].append(variant)
+    groups = grouped((bases[variant.profile.building], variant) for variant in variants)
     sentences = []
     for name, group in groups.items():
         known = [variant for variant in group if variant.mean_drift > 0.0]

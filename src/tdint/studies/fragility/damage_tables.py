@@ -18,7 +18,7 @@ from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
 from tdint.number_parsing import number_text
 from tdint.output.tables.runs import BUILDING_COLUMNS, SAMPLE
-from tdint.output.tables.table import TEXT, Column, describe, elements_of, names, rows_of
+from tdint.output.tables.table import TEXT, Column, describe, names, placeholder, rows_of
 from tdint.studies.campaign.campaign_tables import (
     EVENT,
     StoreTable,
@@ -44,16 +44,22 @@ _STATUS = Column(
 (TYPE,) = declared("damage.type")
 (LEVEL,) = declared("damage.level")
 COUNTS = declared("damage.counts")
-LOSS = Column("loss_ratio", "1", "loss.value", "mean loss ratio")
+_group: TypeDamage = placeholder()
+LOSS = Column("loss_ratio", "1", _group.loss.value, "mean loss ratio")
 TYPES = (
     TYPE,
     LEVEL,
     *COUNTS,
-    *declared("damage.types", state=lambda group: np.array(group.states.outcomes, dtype=object)),
+    *declared(
+        "damage.types",
+        state=lambda group: np.array(group.states.outcomes, dtype=object),
+        probability=_group.probability.value,
+        probability_error=_group.probability.error,
+    ),
 )
 """Columns of damage-types.csv."""
 
-_MONEY = declared("damage.money")
+_MONEY = declared("damage.money", loss=_group.money.value, loss_error=_group.money.error)
 """Columns of an inventory with costs."""
 
 LOSSES = (
@@ -61,7 +67,7 @@ LOSSES = (
     Column.named("building", "name of the building; empty for the complete type", TEXT),
     *TYPES[1:6],
     LOSS,
-    *declared("damage.losses"),
+    *declared("damage.losses", loss_ratio_error=_group.loss.error, loss_ratio_sd=_group.loss_sd),
 )
 """Columns of losses.csv."""
 
@@ -94,7 +100,7 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
         Column(
             probability_name(name),
             "1",
-            elements_of("probability", (slice(None), index)),
+            placeholder().probability[:, index],
             f"probability of {name}; empty without a result",
         )
         for index, name in enumerate(states.outcomes)
@@ -305,9 +311,9 @@ def _loss_curves(store: Store, by: str | None) -> Iterator[SimpleNamespace]:
             rate=rate,
             loss=loss,
             error=np.array(errors),
-            exceedance=np.cumsum(rate),
-            annual=rate * loss,
-            cumulative=np.cumsum(rate * loss),
+            exceedance_rate=np.cumsum(rate),
+            annual_loss=rate * loss,
+            cumulative_annual_loss=np.cumsum(rate * loss),
             **scatter,
         )
 

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from tdint.output.tables.table import PAIR_DEMAND, TEXT, Column, Table
+from tdint.output.tables.table import PAIR_DEMAND, TEXT, Column, Table, numbered, placeholder
 from tdint.studies.columns import declared
-from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.fragility.fragility_function import (
+    CloudPoints,
+    CollapseCloud,
+    Counted,
+    Fragility,
+)
 from tdint.studies.fragility.measures import MeasureFit
 from tdint.studies.ida.ida_tables import DAMAGE
 
@@ -26,26 +31,17 @@ FRAGILITY_BUILDING = (
 
 FRAGILITY = declared("fragility.fragility")
 
-
-def _value_of(path: str, index: int | None = None) -> Callable[[Fragility], float]:
-    """Return a function of a fragility function, which returns the attribute at the path, or an
-    element of it; nan if the function does not have it."""
-
-    def value(function: Fragility) -> float:
-        """Return the value; nan without it."""
-        owner: Any = function
-        for name in path.split("."):
-            owner = getattr(owner, name, None)
-        if index is not None and owner is not None:
-            owner = owner[index] if index < len(owner) else None
-        return np.nan if owner is None else float(owner)
-
-    return value
-
-
-CLOUD = tuple(
-    column._replace(value=_value_of(f"cloud.{column.value}"))
-    for column in declared("fragility.cloud")
+_function: Fragility = placeholder()
+_cloud: CloudPoints = placeholder().cloud
+_mixture: CollapseCloud = placeholder().cloud.mixture
+_counted: Counted = placeholder().counted
+CLOUD = declared(
+    "fragility.cloud",
+    _cloud,
+    b0=_cloud.intercept,
+    b1=_cloud.slope,
+    a0=_mixture.a0,
+    a1=_mixture.a1,
 )
 """Columns of the regression line of a cloud analysis."""
 
@@ -72,13 +68,15 @@ FAILED = (
 """Columns of fits where some runs have no result."""
 
 COUNTED = (
-    Column(
-        "bin",
-        "1",
-        lambda function: 1.0 + np.arange(function.counted.im.size),
-        "bin of the intensity, from the lowest",
+    Column("bin", "1", numbered(_counted.im), "bin of the intensity, from the lowest"),
+    *declared(
+        "fragility.counts",
+        bin_im=_counted.im,
+        bin_runs=_counted.runs,
+        bin_share=_counted.fraction,
+        bin_fitted=_counted.fitted,
+        bin_bound=_counted.bound,
     ),
-    *declared("fragility.counts"),
 )
 """Columns of the counts in bins of the intensity, a table of their own."""
 
@@ -103,9 +101,9 @@ RISK_TOTAL = tuple(
 )
 
 
-def _of(owner: str, columns: Sequence[Column]) -> list[Column]:
-    """Return the columns of an attribute of a function."""
-    return [column._replace(value=f"{owner}.{column.value}") for column in columns]
+def _of(part: Any, columns: Sequence[Column]) -> list[Column]:
+    """Return the columns of a part of a function."""
+    return [column._replace(value=getattr(part, str(column.value))) for column in columns]
 
 
 def fragility_table(
@@ -137,8 +135,8 @@ def fragility_table(
         *(FAILED if has_failed_runs else ()),
         *(DRAWS if any(function.draws_text for function in functions) else ()),
         *((FRAGILITY_TOTAL,) if total else ()),
-        *(_of("risk", RISK) if functions[0].risk else ()),
-        *(_of("total_risk", RISK_TOTAL) if functions[0].total_risk else ()),
+        *(_of(_function.risk, RISK) if functions[0].risk else ()),
+        *(_of(_function.total_risk, RISK_TOTAL) if functions[0].total_risk else ()),
         *(ANNUAL_LOSS if any(function.annual_loss >= 0.0 for function in functions) else ()),
         *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),
     ]
@@ -172,10 +170,10 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
         True to list the state of the building before the motion.
     """
     unit = functions[0].unit or "1"
-    numbers: list[tuple[str, str | Callable[[Fragility], float]]] = [
+    numbers: list[tuple[str, Any]] = [
         ("beta", "beta"),
-        ("beta_low", lambda function: function.beta_interval[0]),
-        ("beta_high", lambda function: function.beta_interval[1]),
+        ("beta_low", _function.beta_interval[0]),
+        ("beta_high", _function.beta_interval[1]),
     ]
     if any(function.draws_text for function in functions):
         numbers += [(column.name, column.name) for column in DRAWS]
@@ -194,8 +192,8 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
     columns = [
         *(Column(name, TEXT, value, "") for name, value in texts.items()),
         Column("theta", unit, "theta", ""),
-        Column("theta_low", unit, lambda function: function.theta_interval[0], ""),
-        Column("theta_high", unit, lambda function: function.theta_interval[1], ""),
+        Column("theta_low", unit, _function.theta_interval[0], ""),
+        Column("theta_high", unit, _function.theta_interval[1], ""),
         *(Column(name, "1", value, "") for name, value in numbers),
     ]
     return Table.of_results(columns, functions)
@@ -203,9 +201,9 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
 
 def risk_table_of(functions: Sequence[Fragility]) -> Table:
     """Return the annual frequencies of fragility functions for a report."""
-    columns = [Column("function", TEXT, "exceeded", ""), *_of("risk", _RISK)]
+    columns = [Column("function", TEXT, "exceeded", ""), *_of(_function.risk, _RISK)]
     if functions[0].total_risk:
-        columns += _of("total_risk", RISK_TOTAL[:3])
+        columns += _of(_function.total_risk, RISK_TOTAL[:3])
     units = dict.fromkeys(("annual_frequency", "annual_frequency_error"), "1/year")
     units["contributing_im"] = functions[0].unit
     columns = [column._replace(unit=units.get(column.name, column.unit)) for column in columns]

@@ -17,12 +17,18 @@ from tdint.output.tables.table import (
     Table,
     error_columns,
     numbered,
+    placeholder,
 )
 from tdint.studies.columns import declared
 from tdint.studies.ida import ida_curve
+from tdint.studies.ida.collapse_margin import CollapseMargin
 from tdint.studies.ida.ida import IdaStudy
 
-_RECORD = (*NAMED_RECORD_COLUMNS, *declared("ida.record"))
+_row: _CurveRows = placeholder()
+_RECORD = (
+    *NAMED_RECORD_COLUMNS,
+    *declared("ida.record", _row.study, unit=_row.study.measure.unit),
+)
 """First columns of the tables of an incremental dynamic analysis."""
 
 
@@ -36,7 +42,7 @@ IDA = (
     *_RECORD,
     *declared(
         "ida.ida",
-        level=numbered("curve.runs"),
+        level=numbered(_row.curve.runs),
         im=_run_values("im"),
         scale=_run_values("scale"),
         status=_run_values("status"),
@@ -52,21 +58,34 @@ IDA_ERRORS = tuple(
 )
 """Additional columns of a study with error estimates."""
 
-DAMAGE = Column.named("curve.damage", "drift ratio of the damage by the main shock; 0: intact")
+DAMAGE = Column(
+    "damage", "1", _row.curve.damage, "drift ratio of the damage by the main shock; 0: intact"
+)
 INTENSITIES = ("im", "capacity", "lower", "upper", "p16", "median", "p84")
 """Columns in the unit of the column `unit`."""
 
-CAPACITIES = (*_RECORD, *declared("ida.capacities"))
+CAPACITIES = (
+    *_RECORD,
+    *declared("ida.capacities", _row.capacity, resurrection=_row.curve.resurrection),
+)
 
 
-(LIMIT,) = declared("ida.limit")
+(LIMIT,) = declared("ida.limit", _row.capacity)
 
 
 FRACTILES = (*_RECORD[-2:], *declared("ida.fractiles"))
 """Columns of the fractile curves."""
 
 
-MARGIN = declared("ida.margin")
+_margin: CollapseMargin = placeholder()
+MARGIN = declared(
+    "ida.margin",
+    s_mt_m_s2=_margin.design.s_mt,
+    beta_rtr=_margin.design.beta_rtr,
+    beta_total=_margin.design.beta_total,
+    acmr_20=_margin.design.acmr_20,
+    acmr_10=_margin.design.acmr_10,
+)
 """Columns of the collapse margin by FEMA P-695."""
 
 
@@ -108,7 +127,7 @@ def capacity_table(study: IdaStudy) -> Table:
     The two horizontal components of a pair are one ground motion unless they count separately.
     """
     # The rule for the demand of a pair is a column only if the study has pairs.
-    pair_demand = (PAIR_DEMAND._replace(value="study.pair_demand"),) if study.partners else ()
+    pair_demand = (PAIR_DEMAND._replace(value=_row.study.pair_demand),) if study.partners else ()
     limit_column = (LIMIT,) if study.limits else ()
     columns = (*_with_damage(CAPACITIES, study), *limit_column, *pair_demand)
     capacities = (

@@ -8,12 +8,22 @@ from typing import Any
 from tdint.arrays import Array
 from tdint.model.definition import Model
 from tdint.output.summary import input_of, inputs_summary, model_input, schema, versions
-from tdint.output.tables.buildings import COMPARISON_SPECTRA
-from tdint.output.tables.table import FLOOR, Table
+from tdint.output.tables.table import FLOOR, PERIOD, Table, placeholder
 from tdint.studies.columns import declared
-from tdint.studies.recordings.compare import Comparison
+from tdint.studies.recordings.compare import Comparison, FloorSpectra
 
 COMPARISON = (FLOOR, *declared("compare.comparison"))
+
+_spectra: FloorSpectra = placeholder()
+COMPARISON_SPECTRA = (
+    FLOOR,
+    PERIOD,
+    *declared(
+        "compare.spectra",
+        computed_sa_m_s2=_spectra.computed,
+        recorded_sa_m_s2=_spectra.recorded,
+    ),
+)
 
 
 def comparison_table(comparison: Comparison) -> Table:

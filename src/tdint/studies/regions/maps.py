@@ -13,6 +13,7 @@ import numpy as np
 
 from tdint.errors import UsageError
 from tdint.files import MOST_BYTES, read_whole, record_digest
+from tdint.items import grouped
 from tdint.number_parsing import abbreviate
 from tdint.output.tables.table import digits, names
 from tdint.response.pairs import Run
@@ -292,13 +293,11 @@ def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]
     """
     titles = [title.lower() for title in store.inventory_columns()]
     column, *degrees = (titles.index(name) for name in (by.lower(), "longitude", "latitude"))
-    positions: dict[str, list[list[float]]] = {}
-    for building in store.buildings():
-        cells = store.copied_cells(building)
-        east, north = (cells[index] for index in degrees)
-        if position := _position(east, north):
-            positions.setdefault(cells[column], []).append(position)
-    return positions
+    return grouped(
+        (cells[column], position)
+        for cells in map(store.copied_cells, store.buildings())
+        if (position := _position(*(cells[index] for index in degrees)))
+    )
 
 
 def read_polygons(store: Store, source: str, by: str) -> dict[str, Feature]:

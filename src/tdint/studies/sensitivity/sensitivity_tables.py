@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tdint.output.tables.table import TEXT, Column, Table
+from tdint.output.tables.table import TEXT, Column, Table, placeholder
 from tdint.studies.campaign.campaign_tables import suite_columns
 from tdint.studies.columns import declared
-from tdint.studies.sensitivity.sensitivity import ParameterEffect, rank_correlations
+from tdint.studies.sensitivity.sensitivity import (
+    ParameterEffect,
+    RankCorrelation,
+    rank_correlations,
+)
 from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits
 
+_correlation: RankCorrelation = placeholder()
 _PEAK = declared(
-    "sensitivity.peak", quantity=lambda result: result.quantity.called or result.quantity.name
+    "sensitivity.peak",
+    _correlation.quantity,
+    quantity=lambda result: result.quantity.called or result.quantity.name,
 )
 PARAMETER_EFFECTS: tuple[Column, ...] = (
     Column.named("building", "name of the building", TEXT),
@@ -30,7 +37,7 @@ def parameter_effect_table(effects: Sequence[ParameterEffect], units: OutputUnit
 CORRELATIONS = (
     *declared("sensitivity.correlations-1"),
     *_PEAK,
-    *declared("sensitivity.correlations-2"),
+    *declared("sensitivity.correlations-2", rank_correlation=_correlation.coefficient),
 )
 """Columns of the rank correlations of a sweep."""
 

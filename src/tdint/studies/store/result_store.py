@@ -597,12 +597,8 @@ class Store:
     def unused(self) -> dict[str, list[str]]:
         """Return the reasons for which inputs could not be used. The keys are `record` and
         `building`; each value is a list of reasons."""
-        reasons: dict[str, list[str]] = {"record": [], "building": []}
-        for category, reason in self.connection.execute(
-            "SELECT kind, reason FROM unused ORDER BY rowid"
-        ):
-            reasons.setdefault(category, []).append(reason)
-        return reasons
+        rows = self.connection.execute("SELECT kind, reason FROM unused ORDER BY rowid")
+        return {"record": [], "building": []} | grouped(rows)
 
     def output_units(self) -> OutputUnits:
         """Return the output units that the models request."""
