@@ -11,6 +11,7 @@ from law_paths import CYCLE, FY, HARDENING, K, follow, law_table, law_variant
 from path_kernel import forces_behind
 from selection import every
 from tdint.kernels import layout as rows
+from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
 from tdint.kernels.stories.law_tables import law_state_table
@@ -65,6 +66,28 @@ def test_cycle_agrees_with_dop853(exponent, beta):
         here = drift
     forces, _, _ = follow(law(exponent, beta), CYCLE)
     assert hysteretic(forces[38::39], CYCLE[38::39]) == pytest.approx(np.array(expected), abs=2e-6)
+
+
+@pytest.mark.parametrize("block", [rows.COMMITTED, rows.FIRST_TRIAL, rows.SECOND_TRIAL])
+@pytest.mark.parametrize("internal", [-0.4, 0.4])
+@pytest.mark.parametrize("event", [rows.REVERSED, rows.REVERSED + 1.0])
+def test_limits_of_a_branch_after_its_end(event, internal, block):
+    """After a change of sign of w, the branch has no limit. After a reversal, it ends where w
+    becomes zero, if w has the sign of the previous direction. Nothing else changes."""
+    (of_name,) = (one for one in COMPILED if one.name == "bouc-wen")
+    law_parameters = law(1.0, 0.5)
+    state = law_state_table(law_parameters)
+    state[:] = 7.0
+    state[block + rows.DRIFT, 0], state[block + rows.INTERNAL, 0] = 0.01, internal
+    state[block + rows.RATE_SIGN, 0] = 1.0
+    expected = state.copy()
+    expected[block + rows.UPPER, 0], expected[block + rows.LOWER, 0] = math.inf, -math.inf
+    of_name.functions().switch(law_parameters, state, 0, block, event)
+    if event == rows.REVERSED:
+        expected[block + rows.RATE_SIGN, 0] = -1.0
+        if internal > 0.0:  # unloading: w' = -1 for beta = 0.5 and the exponent 1
+            expected[block + rows.LOWER, 0] = 0.01 - internal * DY
+    assert state == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7, 2.0, 10.0])

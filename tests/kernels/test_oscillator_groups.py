@@ -119,6 +119,34 @@ def test_no_interval_with_a_maximum_is_skipped():
     assert skipped > 5
 
 
+def test_derivatives_that_bound_the_maxima_between_steps(monkeypatch):
+    """Value and first two derivatives of displacement, velocity and absolute acceleration (with the
+    opposite sign) at both ends of each step, by the equation of motion."""
+    bounds = []
+    monkeypatch.setattr(elastic, "may_exceed", lambda *arguments: bounds.append(arguments[2:]))
+    samples, omega, xi = record(3, elastic.INTERVAL_STEPS + 1), 30.0, 0.3
+    ground, starts, _, _ = elastic.scratch(samples.size, 1, 1)
+    ground[:] = samples
+    table = recursion_table(
+        elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), [omega], [xi], DT
+    )
+    series, best = np.zeros((3, between_steps.TERMS)), np.zeros(elastic.PEAKS)
+    starts[0, 0] = 0.01, -0.2
+    one = elastic._TableOscillator(ground, DT, table, 0, starts[0], 1, series, best)
+    elastic._integrate_interval(one, 0)
+    assert len(bounds) == 3 * elastic.INTERVAL_STEPS
+    for step in range(elastic.INTERVAL_STEPS):
+        of_u, of_v, of_p = (np.reshape(one, (2, 3)) for one in bounds[3 * step : 3 * step + 3])
+        slope = (samples[step + 1] - samples[step]) / DT
+        for end in range(2):
+            u, v, a = of_u[end]
+            assert a == pytest.approx(-(omega**2) * u - 2 * xi * omega * v - samples[step + end])
+            j = -(omega**2) * v - 2.0 * xi * omega * a - slope
+            assert of_v[end] == pytest.approx([v, a, j], rel=1e-9)
+            opposite = omega**2 * of_u[end] + 2.0 * xi * omega * of_v[end]
+            assert of_p[end] == pytest.approx(opposite, rel=1e-9, abs=1e-9)
+
+
 def test_maxima_of_the_ground_in_an_interval():
     steps = elastic.INTERVAL_STEPS
     for seed in range(5):

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from step_checks import RAYLEIGH, ModalDamping, SingleSteps, matrices
 from step_checks import building as dense_building
@@ -216,6 +217,38 @@ def test_mismatch_of_accelerations_and_negligible_kinks():
             equations.keep_negligible_kinks(scene, h, space.memory)
             assert space.scratch[row.KINK, 0] > 0.0
             assert space.scratch[row.RUN_MAXIMA, :2] == pytest.approx([2.0 * mismatch, 3.0 * norm])
+
+
+def test_force_of_a_brace_in_a_step_of_impulse4_and_its_mismatch():
+    """A linear damper with a brace along a parabola of drift: F' = kb (d' - F / c). Force at the
+    end, impulse, and the difference of the mean of both end forces from the mean over the step."""
+    h, stiffness, damper = 0.1, 300.0, 1000.0
+    space, building, _, scene = impulse4_parts()
+    linear_terms = building.linear_terms.copy()
+    braced = [rows.BRACE, rows.BRACED_DAMPER, rows.BRACED_EXPONENT]
+    linear_terms[braced, 1] = stiffness, damper, 1.0
+    memory = space.memory._replace(state=np.zeros((8, 3)))  # of a building with braces
+    scratch, factors = space.scratch, equations.FACTORS
+    for start, rise, bend in ((40.0, 0.3, 0.2), (-25.0, 0.1, -0.9), (0.0, -0.4, 0.5)):
+        memory.state[rows.BRACE_FORCE, 1] = start
+        scratch[[momentum.FORCE_1, momentum.FORCE_S, equations.ROW.DASHPOT_MISMATCH], 1] = 7.0
+        equations._add_brace(
+            scene._replace(linear_terms=linear_terms), 1, h, rise, bend, memory, factors
+        )
+        path = solve_ivp(
+            lambda t, force, rise=rise, bend=bend: [
+                stiffness * ((rise + bend * (t / h - 0.5)) / h - force[0] / damper), force[0]
+            ],
+            (0.0, h), [start, 0.0], rtol=1e-11, atol=1e-9,
+        )  # fmt: skip
+        end, impulse = path.y[:, -1]
+        scale = abs(start) + stiffness * (abs(rise) + abs(bend))
+        assert scratch[momentum.FORCE_1, 1] - 7.0 == pytest.approx(end, abs=2e-6 * scale)
+        assert scratch[momentum.FORCE_S, 1] - 7.0 == pytest.approx(impulse, abs=2e-6 * scale * h)
+        mismatch = 0.5 * (start + end) - impulse / h
+        assert abs(mismatch) > 1e-3 * scale
+        found = scratch[equations.ROW.DASHPOT_MISMATCH, 1]
+        assert found == pytest.approx(mismatch, abs=2e-6 * scale)
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average", "gauss4", "bathe"])
@@ -464,3 +497,7 @@ def test_residual_norm_of_moment4_without_motion(link):
         impulse, moment = -r * a1 + h**2 * (floors - p0), a1 - h**2 * p1  # floors of 1 kg
         expected = float(impulse @ impulse + moment @ moment / 12.0)
         assert found == pytest.approx(expected, rel=1e-12)
+        # The solution is the first correction, which a line search can halve.
+        solution = space.scratch[ROW.RISE : ROW.RISE + 2, :2]
+        assert np.all(solution != 0.0)
+        assert np.array_equal(space.scratch[ROW.CORRECTION : ROW.CORRECTION + 2, :2], solution)

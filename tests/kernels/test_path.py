@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import simpson
+from scipy.integrate import quad, simpson
 
 from law_examples import example
 from law_paths import FY, K, law_table
@@ -157,6 +157,27 @@ def test_integrals_of_force_agree_with_simpson_rule(journey):
         expected = simpson_moments(law_parameters, state.copy(), rise, bend)
         size = abs(state[rows.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
         assert got[:2] == pytest.approx(expected, abs=INTEGRALS.get(name, 1e-4) * size)
+
+
+@pytest.mark.parametrize("far", [0.5, 1.5, 3.0, 6.0])
+@pytest.mark.parametrize("r0", [5.0, 20.0])
+def test_mean_force_over_a_sharp_corner_of_steel(r0, far):
+    """First loading to `far` yield drifts (Menegotto and Pinto 1973): mean and first moment; the
+    number of points grows with the sharpness of the corner."""
+    hardening = 0.02
+    law_parameters = law_table("steel", FY, hardening, r0, 0.925, 0.15, 0.0, 1.0, 0.0, 1.0)
+    state = law_state_table(law_parameters)
+    start(law_parameters, state, 0, 0.0)
+    mean, moment = results(law_parameters, state, far * DY, 0.0)[:2]
+
+    def force(t):
+        x = far * t
+        return FY * (hardening * x + (1.0 - hardening) * x / (1.0 + x**r0) ** (1.0 / r0))
+
+    options = {"epsabs": 1e-12 * FY, "points": [min(1.0 / far, 0.9)], "limit": 200}
+    assert mean == pytest.approx(quad(force, 0.0, 1.0, **options)[0], abs=1e-7 * FY)
+    expected = quad(lambda t: 12.0 * (t - 0.5) * force(t), 0.0, 1.0, **options)[0]
+    assert moment == pytest.approx(expected, abs=1e-7 * FY)
 
 
 def test_tangents_are_derivatives_of_integrals(any_journey):

@@ -9,7 +9,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels import peaks_between_steps as peaks
 from tdint.kernels import peaks_in_parts as parts
 from tdint.kernels import step_interpolant as interpolant
-from tdint.kernels.stepping import Ends, Passage, Scene, Span
+from tdint.kernels.stepping import Ends, Passage, Scene, Seen, Span
 
 H = 0.04
 FAR = 1e300
@@ -514,25 +514,89 @@ def test_velocity_in_a_part_of_a_step(part):
         assert found == pytest.approx(expected, rel=1e-6)
 
 
+def test_deviations_of_accelerations_and_total_shears_in_a_part(monkeypatch):
+    """The forces of the dampers of floors and stories, with dense matrices, change with the
+    deviations of the velocities: accelerations by -M^-1 C, total shears by their sums from the
+    roof. The values are those at both ends of the part, and both bulges."""
+    passed = {rows.PEAK_ACCELERATION: {}, rows.PEAK_TOTAL_SHEAR: {}}
+
+    def record(span, quantity, part, deviations, peaks, row, i):
+        passed[row][i] = deviations
+
+    monkeypatch.setattr(parts, "_raise_absolute_peak_in_part", record)
+    n, random = 3, np.random.default_rng(16)
+    mass, of_floors, of_stories = random.uniform(1.0, 3.0, (3, n))
+    terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    terms[[rows.MASS, rows.INVERSE_MASS], :n] = mass, 1.0 / mass
+    terms[[rows.FLOOR_DAMPER, rows.STORY_DAMPER], :n] = of_floors, of_stories
+    terms[rows.LINK, 1:n] = 1.0
+    scene = Scene(terms, np.zeros((0, n + 1)), np.zeros((1, n + 1)), np.zeros((0, 1)), np.zeros(99))
+    memory = np.zeros((rows.LOCATED, n + 1))
+    for row in range(rows.LOAD_DEVIATION, rows.LOCATED):
+        memory[row, :n] = random.normal(size=n)
+    accelerations = random.normal(size=(2, n))
+    old, new = np.zeros((3, n + 1)), np.zeros((3, n + 1))
+    old[2, :n], new[2, :n] = accelerations
+    law_state = np.zeros((rows.EXTRA_ROWS, n + 1))
+    seen = Seen(memory, np.zeros((2 * rows.PEAK_ROWS, n + 1)), *(np.zeros(0),) * 3)
+    parts.raise_peaks_in_part(
+        span(), scene, Passage(old, 0, new, new, 2), law_state, (0.2, 0.6), seen
+    )
+    difference = np.eye(n) - np.eye(n, k=-1)
+    damping = np.diag(of_floors) + difference.T @ np.diag(of_stories) @ difference
+    velocity, load = rows.VELOCITY_DEVIATION, rows.LOAD_DEVIATION
+    modal = [rows.MODAL_DEVIATION, rows.MODAL_DEVIATION + 1, rows.MODAL_DEVIATION + 2]
+    # The last bulge is that of the velocity under the lines: of floors it is stored, and of drift
+    # rates 4 times the distance of a parabola with these accelerations from its chord.
+    rates = 0.5 * H * difference @ (accelerations[0] - accelerations[1])
+    forces = [
+        *(damping @ memory[velocity + k, :n] + memory[modal[k], :n] for k in range(3)),
+        of_floors * memory[rows.VELOCITY_BULGE, :n]
+        + difference.T @ (of_stories * rates)
+        + memory[rows.MODAL_BULGE, :n],
+    ]
+    loads = [memory[load, :n], memory[load + 1, :n], np.zeros(n), np.zeros(n)]
+    for i in range(n):
+        expected = [(own[i] - force[i]) / mass[i] for own, force in zip(loads, forces, strict=True)]
+        assert passed[rows.PEAK_ACCELERATION][i] == pytest.approx(expected, rel=1e-12)
+        sums = [-float(np.sum(force[i:])) for force in forces]
+        assert passed[rows.PEAK_TOTAL_SHEAR][i] == pytest.approx(sums, rel=1e-12)
+
+
+@pytest.mark.parametrize("mass", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("part", PARTS)
-def test_absolute_acceleration_in_a_part_of_a_step(part):
-    """The largest acceleration in a part is that of a dense sample of the cubic and a parabola."""
+def test_absolute_acceleration_in_a_part_of_a_step(part, mass):
+    """The largest sum of inertia forces, ground motion and other forces in a part is that of a
+    dense sample of the cubic and a parabola. Where the cubic is far from the line, the ends of the
+    line with its deviations are recorded, and the cubic as the peak of a more exact search."""
     s = part[0] + (part[1] - part[0]) * X
-    for ends, numbers in zip(random_ends(13), NUMBERS, strict=True):
+    others = np.random.default_rng(15).normal(size=(100, 6)) * (mass > 0.0) / H**2
+    found_both = set()
+    for ends, numbers, (*forces, ground_0, ground_1) in zip(
+        random_ends(13), NUMBERS, others.tolist(), strict=True
+    ):
         first, last, part_bulge, damping = (float(number) for number in numbers / H**2)
+        start, end = (
+            ends.a0 + mass * ground_0 - forces[0],
+            ends.a1 + mass * ground_1 - forces[1],
+        )
         bulge, tilt = interpolant.bulge_and_tilt(H, ends)
+        bulge, tilt = bulge - forces[2], tilt - forces[3]
         weight = interpolant.tilt_weight(bulge, tilt)
         bulge, tilt = weight * bulge + (1.0 - weight) * damping, weight * tilt
-        values = ends.a0 + (ends.a1 - ends.a0) * s + bulge * s * (1.0 - s)
-        values += tilt * s * (1.0 - s) * (1.0 - 2.0 * s)
-        values += first + (last - first) * X + part_bulge * X * (1.0 - X)
-        quantity = ends, 0.0, (0.0, 0.0, 0.0, 0.0)
-        found = recorded(
-            parts._raise_absolute_peak_in_part,
-            *(quantity, part, (first, last, part_bulge, damping)),
-        )
-        scale = abs(ends.a0) + abs(ends.a1) + abs(first) + abs(last)
-        if interpolant.is_near_line(bulge, tilt, scale):
-            assert found == pytest.approx(np.abs(values).max(), rel=1e-6)
-        else:
-            assert found >= np.abs(values).max() * JUST_BELOW
+        line = start + (end - start) * s + first + (last - first) * X
+        values = line + s * (1.0 - s) * (bulge + tilt * (1.0 - 2.0 * s))
+        values += part_bulge * X * (1.0 - X)
+        table = np.zeros((2 * rows.PEAK_ROWS, 1))
+        parts._raise_absolute_peak_in_part(
+            span(ground=(ground_0, ground_1)), (ends, mass, forces), part,
+            (first, last, part_bulge, damping), table, rows.PEAK_VELOCITY, 0,
+        )  # fmt: skip
+        found, searched = table[[rows.PEAK_VELOCITY, rows.PEAK_VELOCITY + rows.PEAK_ROWS], 0]
+        near = interpolant.is_near_line(bulge, tilt, abs(start) + abs(end) + abs(first) + abs(last))
+        found_both.add(bool(near))
+        exact = found if near else searched
+        assert exact == pytest.approx(np.abs(values).max(), rel=1e-6)
+        if not near:
+            assert found == pytest.approx(max(abs(line[0]), abs(line[-1])), rel=1e-12)
+    assert found_both == {True, False}

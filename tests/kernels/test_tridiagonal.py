@@ -9,6 +9,7 @@ from tdint.kernels.equations.impulse4 import FACTORS, factor_rows, newton, solve
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
     ModalBlocks,
+    assemble_blocks,
     factor_blocks,
     factor_damped,
     factor_pairs,
@@ -71,6 +72,45 @@ def test_block_solution_with_low_rank_term(n, modes):
     factor_blocks(factors, damping, n)
     solve_blocks_damped(factors, w, x, n)
     assert scratch[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
+
+
+@pytest.mark.parametrize("inerters", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_blocks_of_both_equations_with_inerters(n, inerters):
+    """Kinematics M u - (by_v M + by_a C) v and momentum C u + M v, with the inerters of floors and
+    stories in M, plus the derivatives of the story terms. The fourth story stands on the ground."""
+    generator = np.random.default_rng(90 + n)
+    by_v, by_a = 0.7, 0.2
+    linear_terms = np.zeros((rows.MASS_FACTORS, n + 1))
+    mass, damper, on_floor, in_story = generator.uniform(0.5, 2.0, (4, n))
+    linear_terms[rows.MASS, :n], linear_terms[rows.FLOOR_DAMPER, :n] = mass, damper
+    linear_terms[rows.LINK, 1:n] = 1.0
+    linear_terms[rows.LINK, 3:4] = 0.0
+    difference = np.eye(n) - np.diag(linear_terms[rows.LINK, 1:n], -1)
+    total = np.diag(mass)
+    if inerters:
+        linear_terms[[rows.FLOOR_INERTANCE, rows.STORY_INERTANCE], :n] = on_floor, in_story
+        total = total + np.diag(on_floor) + difference.T @ np.diag(in_story) @ difference
+    else:
+        linear_terms = linear_terms[: rows.LINEAR_TERM_ROWS]
+    of_stories = generator.uniform(-0.2, 0.2, (4, n))
+    dense = np.zeros((2, n, 2, n))
+    blocks = (total, -by_v * total - by_a * np.diag(damper), np.diag(damper), total)
+    for entry, block in enumerate(blocks):
+        dense[entry // 2, :, entry % 2, :] = (
+            block + difference.T @ np.diag(of_stories[entry]) @ difference
+        )
+    right = generator.normal(size=(2, n))
+    expected = np.linalg.solve(dense.reshape(2 * n, 2 * n), right.ravel()).reshape(2, n)
+    x = 5 + COUPLING_ROWS
+    scratch = np.zeros((x + 3, n + 1))
+    scratch[5:9, :n], scratch[x : x + 2, :n], scratch[4] = of_stories, right, 9.0
+    factors = Factors(scratch, 0, 5, x + 2, linear_terms)
+    assemble_blocks(linear_terms, factors, by_v, by_a, n)
+    factor_blocks(factors, ModalBlocks(np.zeros((0, n + 1)), 0.0, 0.0, 0.0, 0.0), n)
+    solve_blocks_damped(factors, np.zeros((0, n + 1)), x, n)
+    assert scratch[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
+    assert np.all(scratch[4] == 9.0)
 
 
 def chain(n, modes, generator):
