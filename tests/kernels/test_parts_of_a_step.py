@@ -136,6 +136,22 @@ def test_impulse4_tolerates_rounding_of_displacements():
     assert 1.0 < units[0] < 1000.0
 
 
+@pytest.mark.parametrize("coefficient", [1.0, 5.0])
+def test_impulse4_adds_the_force_of_a_power_law_dashpot(coefficient):
+    """c r |r|^(2 e) with e = -0.2, of the story that has the dashpot."""
+    ends = []
+    for damper in (0.0, coefficient):
+        space, building, coefficients, scene = impulse4_parts()
+        terms = building.linear_terms.copy()
+        terms[[rows.POWER_DAMPER, rows.POWER], 1] = damper, -0.2
+        space.scratch[momentum.DV, :2] = 0.3, -0.4
+        path = (False, coefficients, scene._replace(linear_terms=terms), 1.0, space.memory)
+        equations._evaluate_laws(*path, equations.FACTORS)
+        ends.append(space.scratch[momentum.FORCE_1, :2].copy())
+    force = -coefficient * 0.7**0.6
+    assert ends[1] - ends[0] == pytest.approx([0.0, force], rel=1e-9)
+
+
 def over_reversal(dashpot, h=0.1, last_rate=-3.0):
     """Evaluate a Bouc-Wen story over a step in which its drift reverses; return the row of the
     kink, the force at the reversal and the tangents.

@@ -225,6 +225,15 @@ def test_largest_extremum_of_cubic(seed):
     assert np.polyval(p[::-1], location) == pytest.approx(expected, abs=1e-8)
 
 
+def test_extremum_of_a_parabola_and_of_a_constant():
+    """A parabola with p1 / (2 p2) = -1/4, whose other zero of the derivative is infinite."""
+    for factor in (1.0, -3.0):
+        value, location = cubic_extremum(0.0, 0.25 * factor, -0.5 * factor, 0.0)
+        assert (value, location) == (0.03125 * factor, 0.25)
+    assert cubic_extremum(0.7, 0.0, 0.0, 0.0) == (0.7, 0.0)
+    assert cubic_extremum(0.0, 0.0, 0.0, 0.0) == (0.0, 0.0)
+
+
 QUANTITIES = (
     rows.PEAK_DRIFT, rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_DRIFT_RATE,
     rows.PEAK_ACCELERATION, rows.PEAK_TOTAL_SHEAR,
