@@ -352,7 +352,7 @@ def test_all_terms_of_the_series_of_a_free_vibration(rate):
     vibration = Vibration(omega**2, 2.0 * xi * omega, DT)
     system = np.array([[0.0, 1.0], [-(omega**2), -2.0 * xi * omega]])
     n = between_steps.term_count(vibration)
-    series = np.zeros((3, between_steps.TERMS))
+    series = np.full((3, between_steps.TERMS), 7.0)
     second, third = -70.0, 900.0
     between_steps.largest_between(1.0, (rate, second, third), -1.0, vibration, n, series)
     curvature, derivative = [], np.array([second, third])
@@ -365,6 +365,11 @@ def test_all_terms_of_the_series_of_a_free_vibration(rate):
     shift = int(rate == 0.0)
     assert series[1, : n - 1 - shift] == pytest.approx(rates[shift:], rel=1e-12)
     assert series[2, : n - 2] == pytest.approx(curvature, rel=1e-12)
+    # Terms that do not exist are not written, because the next series follows.
+    assert n < between_steps.TERMS
+    assert np.all(series[0, n:] == 7.0)
+    assert np.all(series[1, n - 1 :] == 7.0)
+    assert np.all(series[2, n - 2 :] == 7.0)
 
 
 @pytest.mark.parametrize("quantity", [0, 1, 2])
