@@ -15,6 +15,7 @@ from tdint.kernels.stories.branches import (
     _REVERSAL_TOLERANCE,
     NONE,
     _crossing,
+    _exceeds_while_rising,
     find_sign_change,
     first_event,
 )
@@ -375,6 +376,15 @@ def event_of_one_story(d0, d3, w0, w1, sign, ignored=0.0):
     )
     state[rows.VELOCITY, 0], scratch[:, 0] = w0 / h, (d3, w1 / h, ignored)
     return first_event(linear_terms, h, (state, law_state, scratch, None), (0, 1, 2))
+
+
+@pytest.mark.parametrize(
+    ("d0", "d1", "expected"),
+    [(1.0, 1.1, True), (1.1, 1.2, True), (0.9, 1.1, False), (1.0, 1.0, False), (1.0, 0.9, False)],
+)
+def test_a_cubic_that_starts_at_its_limit_exceeds_it_while_rising(d0, d1, expected):
+    """Also if its later values, within rounding errors, do not show the rise."""
+    assert bool(_exceeds_while_rising(d0, d1, d0, 0.8, 0.8, 1.0)) == expected
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -20,6 +20,7 @@ from tdint.output.figures.style import (
     line_style,
     method_styles,
     motion_name,
+    new_axes,
     new_panels,
     picture,
     scaled_unit,
@@ -54,6 +55,30 @@ def test_labels_are_next_to_their_points_without_overlap():
         x, y = axes.transData.transform(points[int(text.get_text()[2:])])
         distance = np.hypot(max(box.x0 - x, 0.0, x - box.x1), max(box.y0 - y, 0.0, y - box.y1))
         assert 3.5 * unit < distance < 12.0 * unit
+
+
+@pytest.mark.parametrize(("width", "seed"), [(None, 18), (0.09, 4), (0.18, 18)])
+def test_labels_do_not_overlap_in_the_final_layout(width, seed):
+    """The legend is arranged after the labels are written, which moves points and labels."""
+    points = np.random.default_rng(seed).uniform(size=(80, 2))
+
+    def draw():
+        figure, axes = new_axes(7.5, 5.6)
+        lines = [axes.plot(*point, "o", color="0.5")[0] for point in points]
+        add_legend(figure, lines[:12], [f"a line with the number {i}" for i in range(12)])
+        write_labels(figure, axes, [(x, y, f"p {i}") for i, (x, y) in enumerate(points)], points)
+        return figure
+
+    token = PRINTED.set(PrintedAs(width))
+    try:
+        figure = picture(".png", draw).figure()
+    finally:
+        PRINTED.reset(token)
+    figure.draw_without_rendering()
+    labels = [text for text in figure.axes[0].texts if text.get_visible()]
+    boxes = [text.get_window_extent() for text in labels]
+    assert len(boxes) > 5
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 def with_legend(labels):

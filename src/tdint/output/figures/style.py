@@ -317,6 +317,7 @@ class Picture:
                 _place_legends(figure, _MAX_PAGE / INCH if printed.width else MAX_HEIGHT)
                 if printed.width:
                     _grow(figure)
+                _hide_point_labels(figure)
         return figure
 
     def __call__(self, stream: BinaryIO) -> None:
@@ -522,8 +523,7 @@ def _fit(figure: Figure) -> None:
     """Fit the texts of a narrow figure into the available space.
 
     Labels and titles are wrapped, and axes get fewer ticks, until tick labels do not overlap. The
-    height of the figure is increased if the panels do not fit. Finally, the labels of points that
-    have no space are hidden.
+    height of the figure is increased if the panels do not fit.
     """
     FigureCanvasAgg(figure)
     for axes in figure.axes:
@@ -546,8 +546,6 @@ def _fit(figure: Figure) -> None:
         changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
         if not any(changed):
             break
-    for axes in figure.axes:
-        _hide_point_labels(axes)
 
 
 def _wrap_texts(figure: Figure, axes: Any) -> None:
@@ -573,14 +571,15 @@ def _wrap_texts(figure: Figure, axes: Any) -> None:
         _wrap(text, width)
 
 
-def _hide_point_labels(axes: Any) -> None:
-    """Hide the labels of points that are not inside of the panel or cover a previous label."""
-    frame = axes.get_window_extent()
+def _hide_point_labels(figure: Figure) -> None:
+    """Hide the labels of points that are not inside of the panel or cover a previous label in the
+    final layout."""
+    labels: list[Any] = figure.findobj(lambda artist: artist.get_gid() == _POINT_LABEL)
+    if labels:
+        figure.draw_without_rendering()
     visible_boxes: list[Any] = []
-    for text in axes.texts:
-        if text.get_gid() != _POINT_LABEL:
-            continue
-        box = text.get_window_extent()
+    for text in labels:
+        box, frame = text.get_window_extent(), text.axes.get_window_extent()
         is_inside = (
             frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
         )
