@@ -1,6 +1,6 @@
 """No constant of a kernel has a unit of length or force: if all lengths and forces are multiplied
 by a power of two, and masses, stiffnesses and times remain, all results are multiplied by it, bit
-by bit. Powers of a dashpot force are rounded."""
+by bit; also the forces of laws alone. Powers of a dashpot force are rounded."""
 
 from dataclasses import replace
 
@@ -11,9 +11,10 @@ import tdint
 from law_examples import example
 from law_paths import FY, K, follow, law_table, random_path
 from tdint.ground_motion.record import Record
+from tdint.kernels import layout as rows
 from tdint.model.definition import simple_model
 from tdint.model.story import PowerDashpot, Relief, simple_story
-from tdint.model.story_laws import LAWS
+from tdint.model.story_laws import LAWS, Law
 from tdint.response.spectra.inelastic import constant_ductility
 
 FACTORS = (2.0**20, 2.0**-20)
@@ -24,16 +25,25 @@ def record(factor, component="HNE"):
     return Record(samples, 0.01, "", f"N.S..{component}", component, "a")
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_forces_and_energies_of_laws(name):
-    """The lengths of a law follow from its strength, because the stiffness is the same."""
+def falling(_, stiffness, strength):
+    """Return a law with a backbone curve that rises, and falls."""
+    drift, rest = strength / stiffness, (np.inf,) * 74
+    side = (drift, strength, 3.0 * drift, 1.4 * strength, 4.0 * drift, 1.3 * strength, *rest)
+    return Law("multilinear", (0.0, -0.01 * stiffness, *side, *side))
+
+
+@pytest.mark.parametrize("lengths", [True, False])
+@pytest.mark.parametrize("name", [*LAWS, "falling"])
+def test_forces_and_energies_of_laws(name, lengths):
+    """With equal stiffnesses, lengths change with the forces; with equal lengths, stiffnesses."""
 
     def results(factor):
-        law = example(name, K, factor * FY)
-        forces, strain, hysteretic = follow(
-            law_table(name, *law.parameters), factor * random_path(3)
-        )
-        return np.array([*forces / factor, strain / factor**2, hysteretic / factor**2])
+        stiffer, longer = (1.0, factor) if lengths else (factor, 1.0)
+        law = (falling if name == "falling" else example)(name, stiffer * K, factor * FY)
+        table = law_table(law.name, *law.parameters)
+        table[rows.STIFFNESS, 0] *= stiffer
+        forces, strain, hysteretic = follow(table, longer * random_path(3))
+        return np.array([*forces, strain / longer, hysteretic / longer]) / factor
 
     expected = results(1.0)
     for factor in FACTORS:

@@ -18,6 +18,7 @@ from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, STORE
 from tdint.kernels.linear_terms import force_moment, force_rate
 from tdint.kernels.step_interpolant import max_interior_bezier_point
 from tdint.kernels.stepping import Memory, Scene
+from tdint.kernels.stories import brace
 from tdint.kernels.stories.path import Integrals
 from tdint.methods.catalogue import parse
 from tdint.methods.workspace import workspace
@@ -233,6 +234,20 @@ def test_mismatch_of_accelerations_and_negligible_kinks():
             equations.keep_negligible_kinks(scene, h, space.memory)
             assert space.scratch[row.KINK, 0] > 0.0
             assert space.scratch[row.RUN_MAXIMA, :2] == pytest.approx([2.0 * mismatch, 3.0 * norm])
+
+
+@pytest.mark.parametrize("relief", [0.0, 0.5, 800.0])
+def test_force_of_a_damper_above_its_relief_force(relief):
+    """c r up to the relief force, from there with a fraction of c; 0 for no relief force."""
+    terms = np.zeros((rows.LINEAR_TERM_ROWS, 2))
+    terms[rows.BRACED_DAMPER, 0], terms[rows.BRACED_EXPONENT, 0] = 1000.0, 1.0
+    terms[[rows.BRACED_RELIEF, rows.BRACED_RELIEF_RATIO], 0] = relief, 0.05
+    for rate in (2e-4, -3e-3, 2.0, -5.0):
+        size = 1000.0 * abs(rate)
+        if 0.0 < relief < size:
+            size = relief + 0.05 * (size - relief)
+        found = brace._damper_force(terms, 0, rate)
+        assert found == pytest.approx(math.copysign(size, rate), rel=1e-12)
 
 
 def test_force_of_a_brace_in_a_step_of_impulse4_and_its_mismatch():

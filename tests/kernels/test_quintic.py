@@ -563,6 +563,27 @@ def test_deviations_of_accelerations_and_total_shears_in_a_part(monkeypatch):
         assert passed[rows.PEAK_TOTAL_SHEAR][i] == pytest.approx(sums, rel=1e-12)
 
 
+@pytest.mark.parametrize(("bulge_over_rounding", "weight"), [(0.9, 0.0), (1.5, 0.5), (2.5, 1.0)])
+@pytest.mark.parametrize("far", [(1e9, 1e9), (-1e9, -1e9)])
+def test_a_bulge_near_its_rounding_is_replaced(bulge_over_rounding, weight, far):
+    """The terms of bulge and tilt have rounding errors of a fraction of their sum. Between this sum
+    and its double, the weight of the bulge grows from 0 to 1."""
+    rounding = parts._TILT_ROUNDING * 2e9 / H**2
+    bulge, damping = rounding * bulge_over_rounding, 0.3 * rounding
+    a0, v1 = 2.0, H * 2.0 + H / 6.0 * bulge  # with v0 = 0 and a1 = a0
+    ends = Ends(far[0], 0.0, a0, far[1], v1, a0, 0.0, a0)
+    found_bulge, tilt = interpolant.bulge_and_tilt(H, ends)
+    assert found_bulge == pytest.approx(bulge, rel=1e-12)
+    forces = 0.0, 0.0, 0.0, tilt  # a step without tilt
+    table = np.zeros((2 * rows.PEAK_ROWS, 1))
+    parts._raise_absolute_peak_in_part(
+        span(), (ends, 0.0, forces), (0.0, 1.0), (0.0, 0.0, 0.0, damping), table,
+        rows.PEAK_VELOCITY, 0,
+    )  # fmt: skip
+    expected = a0 + 0.25 * (weight * bulge + (1.0 - weight) * damping)
+    assert table.max() == pytest.approx(expected, rel=1e-6)
+
+
 @pytest.mark.parametrize("mass", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("part", PARTS)
 def test_absolute_acceleration_in_a_part_of_a_step(part, mass):
