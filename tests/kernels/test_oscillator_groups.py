@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from scipy.interpolate import BPoly, PPoly
+from scipy.linalg import expm
 
 from exact_oscillators import largest, motion, recursion_table
 from tdint.kernels.oscillators import between_steps, elastic, extremes, modal_sums, rotated
@@ -147,6 +148,24 @@ def test_derivatives_that_bound_the_maxima_between_steps(monkeypatch):
             assert of_p[end] == pytest.approx(opposite, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("size", [1.0, 30.0])
+def test_a_sum_of_modes_is_at_most_the_sum_of_its_amplitudes(size):
+    """The amplitude of a mode is sqrt(q^2 + 2 xi q q' / omega + (q' / omega)^2); the last column is
+    the roof."""
+    random = np.random.default_rng(9)
+    modes = np.zeros((max(modal_sums.OMEGA, modal_sums.DAMPING) + 1, 3))
+    omega, xi = random.uniform(1.0, 30.0, 3), random.uniform(0.0, 0.3, 3)
+    modes[modal_sums.OMEGA], modes[modal_sums.DAMPING] = omega, xi
+    shapes, q = random.normal(size=(3, 2)), size * random.normal(size=(1, 3))
+    rate = size * omega * random.normal(size=(1, 3))
+    scaled = rate / omega
+    amplitudes = np.sqrt(q**2 + 2.0 * xi * q * scaled + scaled**2)[0]
+    story, roof = amplitudes @ np.abs(shapes)
+    for factor, expected in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
+        for maxima in ((factor * story, 2.0 * roof), (2.0 * story, factor * roof)):
+            assert modal_sums._may_grow(modes, shapes, q, rate, *maxima) == expected
+
+
 def test_maxima_of_the_ground_in_an_interval():
     steps = elastic.INTERVAL_STEPS
     for seed in range(5):
@@ -195,6 +214,41 @@ def test_no_sector_with_a_maximum_is_skipped():
         for i, (omega, xi) in enumerate(zip(OMEGAS, RATIOS, strict=True)):
             both = np.array([motion(continued(one), DT, omega, xi, FINE)[0] for one in pair])
             assert found[i] == pytest.approx(largest(both.T @ directions(), FINE), rel=3e-5)
+
+
+def test_excess_between_steps_follows_from_the_larger_resultant_of_both_ends(monkeypatch):
+    """The resultants of the relative accelerations, with the motion between steps by the matrix
+    exponential of an oscillator under a straight line of ground motion."""
+    passed = []
+    monkeypatch.setattr(rotated, "_count_higher", lambda _, excess: passed.append(excess) or 0)
+    omega, xi, margin = 25.0, 0.1, 0.37
+    ground = np.array([record(k, rotated.INTERVAL_STEPS + 1) for k in range(2)])
+    table = recursion_table(
+        elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), [omega], [xi], DT
+    )
+    start = np.array([[0.01, -0.2, 0.005, 0.3]])
+    rotated._integrate_interval(
+        (
+            ground, table, 0, Vibration(omega**2, 2.0 * xi * omega, DT), directions(), start,
+            np.zeros((rotated._SECTOR_ROWS, rotated._SECTORS + 1)),
+            np.zeros((3, between_steps.TERMS)), np.zeros(rotated.ANGLES),
+        ), 0, margin, False,
+    )  # fmt: skip
+    # u, v, ground acceleration and its rate
+    system = np.zeros((4, 4))
+    system[0, 1] = system[2, 3] = 1.0
+    system[1, :3] = -(omega**2), -2.0 * xi * omega, -1.0
+    states, squares = start.reshape(2, 2).copy(), []
+    for step in range(rotated.INTERVAL_STEPS + 1):
+        accelerations = -(omega**2) * states[:, 0] - 2.0 * xi * omega * states[:, 1]
+        squares.append(np.sum((accelerations - ground[:, step]) ** 2))
+        if step < rotated.INTERVAL_STEPS:
+            rates = (ground[:, step + 1] - ground[:, step]) / DT
+            both = np.column_stack([states, ground[:, step], rates])
+            states = (both @ expm(DT * system).T)[:, :2]
+    assert np.any(np.diff(squares) > 0.0) and np.any(np.diff(squares) < 0.0)
+    largest_of_steps = np.maximum(squares[:-1], squares[1:])
+    assert passed == pytest.approx(margin * np.sqrt(largest_of_steps), rel=1e-9)
 
 
 def test_bounds_between_axes_and_edges_of_sectors():
@@ -420,12 +474,14 @@ def test_extremes_are_zeros_of_cubics_with_values_of_quintics():
             ends = [[u[j], v[j], a[j]] for j in (k, k + 1)]
             value = BPoly.from_derivatives([0.0, h], ends)(zero)
             expected.append((k * h + zero, omega**2 * value))
-    extrema, largest_values = np.zeros((3, 200)), np.zeros((2, 1))
+    # Values of another record
+    extrema, largest_values = np.zeros((3, 200)), np.full((2, 1), 1e9)
     count = extremes.extremes.compiled(
         samples, DT, np.array([float(parts)]), table, np.zeros(1), extrema, largest_values
     )
     assert count == len(expected) > 10
     assert pytest.approx(np.array(expected), rel=1e-6) == extrema[1:, :count].T
+    assert largest_values[0, 0] == pytest.approx(np.max(np.abs(extrema[2, :count])), rel=1e-12)
     assert (samples.size - 2) * DT < expected[-1][0]
 
 
@@ -436,7 +492,7 @@ def test_radius_is_largest_in_last_interval():
     table = recursion_table(
         elastic.COEFFICIENTS, lambda w, xi: (w**2, 2.0 * xi * w), [omega], [0.0], dt / 8
     )
-    found, largest_values = np.zeros((4, 50)), np.zeros((2, 1))
+    found, largest_values = np.zeros((4, 50)), np.full((2, 1), 1e9)  # of another record
     extremes.radii.compiled(
         np.array([samples, samples]), dt, np.array([8.0]), table, np.zeros(1), found, largest_values
     )
