@@ -1,5 +1,6 @@
 """The tables of cli/COLUMNS.md equal the columns of the tables."""
 
+import ast
 import csv
 import functools
 import io
@@ -136,6 +137,41 @@ def test_every_declared_column_is_on_the_page():
         assert len(declared) > 50
         assert {name for name in declared - names if "{" not in name} == set()
     assert "expected annual loss ratio of the building type" in PAGE  # a second `annual_loss`
+
+
+def test_stated_values_are_those_of_declared_columns():
+    """A keyword that is no column of its table would be ignored."""
+    files = {"tdint.studies.columns": "studies/columns.csv"}
+    files["tdint.output.tables.columns"] = "output/tables/columns.csv"
+    stated, source = 0, readmes.ROOT / "src/tdint"
+    for module in source.rglob("*.py"):
+        tree = ast.parse(module.read_text())
+        homes = [
+            node.module
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and "declared" in [one.name for one in node.names]
+        ]
+        file = files.get(homes[0] if homes else "")
+        if module == source / "assessment/tables.py":
+            file = "assessment/tables.csv"
+        if file is None:
+            continue
+        rows = list(csv.DictReader(io.StringIO((source / file).read_text())))
+        for call in ast.walk(tree):
+            if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "declared":
+                table, *_ = (one.value for one in call.args if isinstance(one, ast.Constant))
+                names = {row["name"] for row in rows if row["table"] == table}
+                keywords = {one.arg for one in call.keywords if one.arg}
+                keywords |= {
+                    key.value
+                    for one in call.keywords
+                    if isinstance(one.value, ast.Dict)
+                    for key in one.value.keys
+                }
+                assert names, (module, table)
+                assert keywords <= names, (module, table)
+                stated += len(keywords)
+    assert stated > 100
 
 
 @pytest.mark.parametrize(
