@@ -92,6 +92,35 @@ def test_peaks_of_runs(law, damper, method):
             )
 
 
+@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+def test_peaks_with_attachments_and_a_load(method):
+    """A tree of stories, whose peaks are searched in another way, with a force on a floor."""
+
+    def results(factor):
+        story = {"mass": 1e3, "stiffness": 1e6, "dashpot": 2e3}
+        law = {"type": "bilinear", "yield_force": 2e4 * factor, "hardening": 0.1}
+        model = tdint.load_model(
+            {
+                "stories": [{**story, "law": law}, story, {**story, "stiffness": 5e5}],
+                "attachments": [
+                    {"name": name, "floor": floor, "mass": 50.0, "stiffness": stiffness}
+                    for name, floor, stiffness in (("a", 3, 9e3), ("b", 2, 4e4))
+                ],
+                "excitation": {
+                    "forces": [{"floor": 3, "amplitude": 900.0 * factor, "omega": 20.0}]
+                },
+            }
+        )
+        response = tdint.run(model, record(factor), method=method, check=False)
+        tables = response.stories, response.devices.stories
+        return [np.array(getattr(one, name)) / factor for one in tables for name in QUANTITIES]
+
+    expected = results(1.0)
+    for factor in FACTORS:
+        for found, one in zip(results(factor), expected, strict=True):
+            assert np.array_equal(found, one, equal_nan=True)
+
+
 PERIODS = np.array([0.02, 0.05, 0.1, 0.3, 1.0, 3.0])
 SPECTRA = {
     "elastic": lambda one, _: tdint.spectrum(one, PERIODS, 0.05).sd,
