@@ -20,6 +20,7 @@ from tdint.studies.fragility.fit_table import (
 )
 from tdint.studies.fragility.fits import fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.fragility.fragility_tables import fragility_table
 from tdint.studies.fragility.measures import SuiteRuns, line, motions_of
 
 CLOUD = [(0.1, 0.0042), (0.2, 0.008), (0.3, 0.009), (0.4, 0.018), (0.5, 0.016), (0.8, 0.03)]
@@ -392,6 +393,11 @@ def test_collapses_of_a_table_of_others(tmp_path: Path, column: str, cells: list
     file.write_text("\n".join([f"im,edp,{column}", *lines]) + "\n")
     (found,) = fit_table(str(file), FragilityRequest(thresholds=(0.02,))).functions
     assert (found.theta, found.beta) == pytest.approx((right.theta, right.beta), rel=1e-12)
+    # In tables, numbers of clouds are decimals, which a function without a cloud does not have.
+    table = fragility_table([found, replace(found, cloud=None)])
+    at = table.columns.index("collapsed")
+    assert [row[at] for row in table.rows] == [2.0, None]
+    assert type(table.rows[0][at]) is float
     file.write_text(f"im,edp,{column}\n0.1,0.01,perhaps\n")
     with pytest.raises(ModelError, match=f":2: {column} must be"):
         fit_table(str(file), FragilityRequest(thresholds=(0.02,)))

@@ -38,13 +38,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import (
-    FixedLocator,
-    FuncFormatter,
-    LogLocator,
-    MaxNLocator,
-    NullFormatter,
-)
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
@@ -1016,7 +1010,8 @@ def write_labels(
     """Write labels next to their points so that no label covers a mark or another label.
 
     Four positions around each point are tried, and a label is omitted if no position is free. The
-    first labels have priority. Call this function after the layout of the figure is complete.
+    first labels have priority. A label that has no space in the final layout, after the legend is
+    arranged, is hidden (`_hide_point_labels`).
 
     Parameters
     ----------

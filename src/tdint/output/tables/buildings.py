@@ -99,6 +99,9 @@ CLASS_COLUMNS = (
 """Columns of buildings with capacity curves."""
 
 
+_pushover: Pushover = placeholder()
+
+
 def pushover(stories: int) -> tuple[Column, ...]:
     """Return the columns of the table of a pushover analysis, with a column for the drift of each
     story. `stories` is the number of stories."""
@@ -112,7 +115,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
             Column(
                 f"story_{i + 1}_drift_m",
                 "m",
-                placeholder().drift[:, i],
+                _pushover.drift[:, i],
                 "drift: displacement relative to the floor below",
             )
             for i in range(stories)

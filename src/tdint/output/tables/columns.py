@@ -43,7 +43,7 @@ class ColumnFile:
         return tuple(
             column._replace(
                 value=values.get(column.name)
-                or (column.value if part is None else getattr(part, str(column.value)))
+                or (column.value if part is None else getattr(part, column.value))
             )
             for column in _tables(self._module)[table]
         )

@@ -52,8 +52,8 @@ LINK_ERROR = error_columns(LINK_COLUMNS)
 ENERGY = declared("devices.energy")
 INERTER = declared("devices.inerter", peak_inerter_force_N="inerter_force")
 ENERGY_ERROR, INERTER_ERROR = (
-    tuple(column._replace(value=f"{quantity}_error") for column in error_columns(columns))
-    for columns, quantity in ((ENERGY, "dissipated_energy"), (INERTER, "inerter_force"))
+    tuple(column._replace(value=f"{column.value}_error") for column in error_columns(columns))
+    for columns in (ENERGY, INERTER)
 )
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),

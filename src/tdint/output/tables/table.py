@@ -122,7 +122,7 @@ def placeholder() -> Any:
     return _Path(lambda result: result)
 
 
-def numbered(values: Any, first: int = 1) -> Callable[[Any], Any]:
+def numbered(values: Any, first: float = 1) -> Callable[[Any], Any]:
     """Return a function of a result, which returns consecutive numbers from `first`, one for each
     element of `values`, the name of an attribute or a function of the result."""
     column = Column("", "1", values, "")

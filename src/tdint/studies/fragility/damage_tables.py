@@ -28,6 +28,7 @@ from tdint.studies.campaign.campaign_tables import (
 )
 from tdint.studies.columns import declared
 from tdint.studies.fragility.building_damage import (
+    BuildingDamage,
     TypeDamage,
     building_damages,
     group_damages,
@@ -44,6 +45,7 @@ _STATUS = Column(
 (TYPE,) = declared("damage.type")
 (LEVEL,) = declared("damage.level")
 COUNTS = declared("damage.counts")
+_damage: BuildingDamage = placeholder()
 _group: TypeDamage = placeholder()
 LOSS = Column("loss_ratio", "1", _group.loss.value, "mean loss ratio")
 TYPES = (
@@ -100,7 +102,7 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
         Column(
             probability_name(name),
             "1",
-            placeholder().probability[:, index],
+            _damage.probability[:, index],
             f"probability of {name}; empty without a result",
         )
         for index, name in enumerate(states.outcomes)

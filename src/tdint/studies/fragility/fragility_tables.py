@@ -40,6 +40,7 @@ CLOUD = declared(
     _cloud,
     b0=_cloud.intercept,
     b1=_cloud.slope,
+    collapsed=lambda function: function.cloud and float(function.cloud.collapsed),
     a0=_mixture.a0,
     a1=_mixture.a1,
 )
@@ -68,7 +69,7 @@ FAILED = (
 """Columns of fits where some runs have no result."""
 
 COUNTED = (
-    Column("bin", "1", numbered(_counted.im), "bin of the intensity, from the lowest"),
+    Column("bin", "1", numbered(_counted.im, 1.0), "bin of the intensity, from the lowest"),
     *declared(
         "fragility.counts",
         bin_im=_counted.im,
@@ -103,7 +104,7 @@ RISK_TOTAL = tuple(
 
 def _of(part: Any, columns: Sequence[Column]) -> list[Column]:
     """Return the columns of a part of a function."""
-    return [column._replace(value=getattr(part, str(column.value))) for column in columns]
+    return [column._replace(value=getattr(part, column.value)) for column in columns]
 
 
 def fragility_table(
